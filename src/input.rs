@@ -1,5 +1,17 @@
-//! Input files as data: reading TOML into parameter structs with messages that name line, key and
-//! allowed range.
+//! Input files as data: TOML text becomes parameter structs, and whatever is wrong with it is said with
+//! file, line, key and allowed range.
+//!
+//! The JSON schema that serves editors is derived from the same structs, and it is also what checks a
+//! file: [`Document::read`] walks the values beside the schema before serde sees them. So a range is
+//! written once, beside the field it bounds.
+
+use std::fmt;
+
+use schemars::{JsonSchema, Schema};
+use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
+use toml::Value;
+use toml::de::{DeTable, DeValue};
 
 /// A parameter that contradicts another, found by a `validate` of a parameter struct.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -20,7 +32,537 @@ impl Invalid {
     /// The same, seen from the table `parent` that holds the struct.
     #[must_use]
     pub fn within(mut self, parent: &str) -> Self {
-        self.key = format!("{parent}.{}", self.key);
+        self.key = if self.key.is_empty() { parent.to_owned() } else { format!("{parent}.{}", self.key) };
         self
+    }
+}
+
+/// Everything that is wrong with one file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputError {
+    /// The file, as the caller named it.
+    pub file: String,
+    /// What is wrong, in the order of the file.
+    pub faults: Vec<Fault>,
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Line of the key or of the nearest table above it; `None` for a value that is in no file.
+    pub line: Option<usize>,
+    /// Dotted path of the key.
+    pub key: String,
+    /// What is wrong, with the numbers.
+    pub message: String,
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, fault) in self.faults.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{}:", self.file)?;
+            if let Some(line) = fault.line {
+                write!(f, "{line}:")?;
+            }
+            if !fault.key.is_empty() {
+                write!(f, " {}:", fault.key)?;
+            }
+            write!(f, " {}", fault.message)?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for InputError {}
+
+/// A TOML file with the overrides of the command line applied.
+pub struct Document {
+    file: String,
+    text: String,
+    value: Value,
+    overrides: Vec<String>,
+}
+
+impl Document {
+    /// Parses `text`; `file` is only a name for messages.
+    pub fn parse(file: &str, text: &str) -> Result<Self, InputError> {
+        match toml::from_str::<toml::Table>(text) {
+            Ok(table) => Ok(Self {
+                file: file.to_owned(),
+                text: text.to_owned(),
+                value: Value::Table(table),
+                overrides: Vec::new(),
+            }),
+            Err(e) => Err(InputError {
+                file: file.to_owned(),
+                faults: vec![Fault {
+                    line: e.span().map(|span| line_at(text, span.start)),
+                    key: String::new(),
+                    message: e.message().to_owned(),
+                }],
+            }),
+        }
+    }
+
+    /// Name of the file.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Replaces or adds the value at the dotted path `key`; a number in the path indexes an array.
+    /// Whether the key exists is judged by [`Document::read`].
+    pub fn set(&mut self, key: &str, toml_value: &str) -> Result<(), InputError> {
+        let fault = |message: String| InputError {
+            file: "--set".to_owned(),
+            faults: vec![Fault { line: None, key: key.to_owned(), message }],
+        };
+        let value = parse_value(toml_value).map_err(&fault)?;
+        let mut at = &mut self.value;
+        let mut parts = key.split('.').peekable();
+        while let Some(part) = parts.next() {
+            if part.is_empty() {
+                return Err(fault("an empty part in the dotted path".to_owned()));
+            }
+            let last = parts.peek().is_none();
+            at = match at {
+                Value::Table(table) => {
+                    if last {
+                        table.insert(part.to_owned(), value);
+                        self.overrides.push(key.to_owned());
+                        return Ok(());
+                    }
+                    table.entry(part).or_insert_with(|| Value::Table(toml::Table::new()))
+                }
+                Value::Array(items) => {
+                    let count = items.len();
+                    let item = part
+                        .parse::<usize>()
+                        .ok()
+                        .and_then(|i| items.get_mut(i))
+                        .ok_or_else(|| fault(format!("'{part}' is no index into {count} entries")))?;
+                    if last {
+                        *item = value;
+                        self.overrides.push(key.to_owned());
+                        return Ok(());
+                    }
+                    item
+                }
+                _ => return Err(fault(format!("unknown key: '{part}' lies inside a plain value"))),
+            };
+        }
+        Ok(())
+    }
+
+    /// Checks the document against the schema of `T` and deserialises it.
+    pub fn read<T: DeserializeOwned + JsonSchema>(&self) -> Result<T, InputError> {
+        let schema = schemars::schema_for!(T);
+        let mut walk = Walk { root: schema.as_value(), faults: Vec::new() };
+        walk.check(schema.as_value(), &self.value, "");
+        if !walk.faults.is_empty() {
+            return Err(self.error(walk.faults));
+        }
+        serde_path_to_error::deserialize(self.value.clone()).map_err(|e| {
+            let key = e.path().to_string();
+            self.error(vec![Invalid::new(key, e.into_inner().message().to_owned())])
+        })
+    }
+
+    /// Faults found later, by a `validate`, with the lines of this document.
+    pub fn error(&self, faults: Vec<Invalid>) -> InputError {
+        let mut faults: Vec<Fault> = faults
+            .into_iter()
+            .map(|fault| {
+                let overridden = self
+                    .overrides
+                    .iter()
+                    .any(|key| fault.key == *key || key.starts_with(&format!("{}.", fault.key)));
+                Fault {
+                    line: if overridden { None } else { self.line_of(&fault.key) },
+                    message: if overridden {
+                        format!("{} (given by --set)", fault.message)
+                    } else {
+                        fault.message
+                    },
+                    key: fault.key,
+                }
+            })
+            .collect();
+        faults.sort_by_key(|fault| fault.line);
+        InputError { file: self.file.clone(), faults }
+    }
+
+    /// Line of the key at a dotted path, or of the nearest table above it that the text has.
+    fn line_of(&self, path: &str) -> Option<usize> {
+        let table = DeTable::parse(&self.text).ok()?;
+        let mut offset = None;
+        let mut at: Option<&DeValue<'_>> = None;
+        for part in path.split('.') {
+            let found = match at {
+                None => table.get_ref().get_key_value(part),
+                Some(DeValue::Table(inner)) => inner.get_key_value(part),
+                Some(DeValue::Array(items)) => {
+                    let item = part.parse::<usize>().ok().and_then(|i| items.get(i));
+                    let Some(item) = item else { break };
+                    offset = Some(item.span().start);
+                    at = Some(item.get_ref());
+                    continue;
+                }
+                Some(_) => None,
+            };
+            let Some((key, value)) = found else { break };
+            offset = Some(key.span().start);
+            at = Some(value.get_ref());
+        }
+        offset.map(|offset| line_at(&self.text, offset))
+    }
+}
+
+fn line_at(text: &str, offset: usize) -> usize {
+    text.as_bytes().iter().take(offset).filter(|&&b| b == b'\n').count() + 1
+}
+
+fn parse_value(text: &str) -> Result<Value, String> {
+    let table = toml::from_str::<toml::Table>(&format!("v = {text}"))
+        .map_err(|e| format!("'{text}' is not a TOML value: {}", e.message()))?;
+    let mut values = table.into_iter();
+    match (values.next(), values.next()) {
+        (Some((_, value)), None) => Ok(value),
+        _ => Err(format!("'{text}' is not one TOML value")),
+    }
+}
+
+/// The walk of a value beside the schema that `schemars` derives from our structs.
+struct Walk<'a> {
+    root: &'a Json,
+    faults: Vec<Invalid>,
+}
+
+impl<'a> Walk<'a> {
+    fn fault(&mut self, path: &str, message: String) {
+        self.faults.push(Invalid::new(path, message));
+    }
+
+    fn resolve(&self, schema: &'a Json) -> &'a Json {
+        match schema.get("$ref").and_then(Json::as_str).and_then(|r| r.strip_prefix('#')) {
+            Some(pointer) => self.root.pointer(pointer).map_or(schema, |target| self.resolve(target)),
+            None => schema,
+        }
+    }
+
+    fn check(&mut self, schema: &'a Json, value: &Value, path: &str) {
+        let bounds = schema;
+        let schema = self.resolve(schema);
+        if let Some(alternatives) = alternatives(schema) {
+            self.check_alternatives(alternatives, value, path);
+            return;
+        }
+        match value {
+            Value::Table(table) => self.check_table(schema, table, path),
+            Value::Array(items) => self.check_array(schema, items, path),
+            Value::Integer(i) => self.check_number(schema, bounds, *i as f64, true, path),
+            Value::Float(x) => self.check_number(schema, bounds, *x, false, path),
+            Value::String(s) => {
+                if let Some(allowed) = schema.get("enum").and_then(Json::as_array) {
+                    if !allowed.iter().any(|a| a.as_str() == Some(s)) {
+                        self.fault(path, format!("\"{s}\" is not allowed; one of {}", list(allowed)));
+                    }
+                } else if !has_type(schema, "string") {
+                    self.fault(path, wrong_type(schema, "a string"));
+                }
+            }
+            Value::Boolean(_) => {
+                if !has_type(schema, "boolean") {
+                    self.fault(path, wrong_type(schema, "a boolean"));
+                }
+            }
+            Value::Datetime(_) => self.fault(path, wrong_type(schema, "a date")),
+        }
+    }
+
+    fn check_alternatives(&mut self, alternatives: &'a [Json], value: &Value, path: &str) {
+        let mut best: Option<Vec<Invalid>> = None;
+        let mut constants = Vec::new();
+        for alternative in alternatives {
+            let alternative = self.resolve(alternative);
+            if has_type(alternative, "null") {
+                continue;
+            }
+            if let Some(constant) = alternative.get("const") {
+                constants.push(constant.clone());
+                if value.as_str() == constant.as_str() {
+                    return;
+                }
+                continue;
+            }
+            let mut inner = Walk { root: self.root, faults: Vec::new() };
+            inner.check(alternative, value, path);
+            if inner.faults.is_empty() {
+                return;
+            }
+            if best.as_ref().is_none_or(|b| inner.faults.len() < b.len()) {
+                best = Some(inner.faults);
+            }
+        }
+        match best {
+            Some(faults) => self.faults.extend(faults),
+            None => self.fault(path, format!("{value} is not allowed; one of {}", list(&constants))),
+        }
+    }
+
+    fn check_table(&mut self, schema: &'a Json, table: &toml::Table, path: &str) {
+        if !has_type(schema, "object") {
+            self.fault(path, wrong_type(schema, "a table"));
+            return;
+        }
+        let join = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+        let properties = schema.get("properties").and_then(Json::as_object);
+        for (key, value) in table {
+            if let Some(property) = properties.and_then(|p| p.get(key)) {
+                self.check(property, value, &join(key));
+            } else {
+                match schema.get("additionalProperties") {
+                    Some(Json::Bool(false)) => {
+                        let known = properties.map(|p| p.keys().map(String::as_str).collect::<Vec<_>>());
+                        let known = known.unwrap_or_default().join(", ");
+                        self.fault(&join(key), format!("unknown key; known here: {known}"));
+                    }
+                    Some(inner @ Json::Object(_)) => self.check(inner, value, &join(key)),
+                    _ => {}
+                }
+            }
+        }
+        for key in schema.get("required").and_then(Json::as_array).into_iter().flatten() {
+            if let Some(key) = key.as_str().filter(|key| !table.contains_key(*key)) {
+                self.fault(&join(key), "missing".to_owned());
+            }
+        }
+    }
+
+    fn check_array(&mut self, schema: &'a Json, items: &[Value], path: &str) {
+        if !has_type(schema, "array") {
+            self.fault(path, wrong_type(schema, "a list"));
+            return;
+        }
+        let count = |key: &str| schema.get(key).and_then(Json::as_u64).map(|n| n as usize);
+        let (least, most) = (count("minItems").unwrap_or(0), count("maxItems").unwrap_or(usize::MAX));
+        if items.len() < least || items.len() > most {
+            let expected = if least == most {
+                format!("{least}")
+            } else if most == usize::MAX {
+                format!("at least {least}")
+            } else {
+                format!("{least} to {most}")
+            };
+            self.fault(path, format!("expected {expected} entries, got {}", items.len()));
+            return;
+        }
+        let prefix = schema.get("prefixItems").and_then(Json::as_array);
+        for (i, item) in items.iter().enumerate() {
+            if let Some(schema) = prefix.and_then(|p| p.get(i)).or_else(|| schema.get("items")) {
+                self.check(schema, item, &format!("{path}.{i}"));
+            }
+        }
+    }
+
+    fn check_number(&mut self, schema: &Json, outer: &Json, x: f64, whole: bool, path: &str) {
+        if !(has_type(schema, "number") || whole && has_type(schema, "integer")) {
+            let what = if whole { "a whole number" } else { "a number with a fraction" };
+            self.fault(path, wrong_type(schema, what));
+            return;
+        }
+        // A bound may stand beside the reference to a shared definition.
+        let bound = |key: &str| outer.get(key).or_else(|| schema.get(key)).and_then(Json::as_f64);
+        let (least, most) = (bound("minimum"), bound("maximum"));
+        let inside =
+            x.is_finite() && least.is_none_or(|least| x >= least) && most.is_none_or(|most| x <= most);
+        if !inside {
+            self.fault(path, format!("{x} is out of range; allowed {}", range(least, most)));
+        }
+    }
+}
+
+fn alternatives(schema: &Json) -> Option<&[Json]> {
+    ["anyOf", "oneOf"].iter().find_map(|key| schema.get(*key)?.as_array().map(Vec::as_slice))
+}
+
+fn has_type(schema: &Json, name: &str) -> bool {
+    match schema.get("type") {
+        Some(Json::String(s)) => s == name,
+        Some(Json::Array(types)) => types.iter().any(|t| t == name),
+        _ => false,
+    }
+}
+
+fn wrong_type(schema: &Json, got: &str) -> String {
+    let expected = match schema.get("type") {
+        Some(Json::String(s)) => s.clone(),
+        Some(Json::Array(types)) => types.iter().filter_map(Json::as_str).collect::<Vec<_>>().join(" or "),
+        _ => "something else".to_owned(),
+    };
+    format!("expected {expected}, got {got}")
+}
+
+fn list(values: &[Json]) -> String {
+    values.iter().map(Json::to_string).collect::<Vec<_>>().join(", ")
+}
+
+fn range(least: Option<f64>, most: Option<f64>) -> String {
+    match (least, most) {
+        (Some(a), Some(b)) => format!("{a} to {b}"),
+        (Some(a), None) => format!("{a} or more"),
+        (None, Some(b)) => format!("{b} or less"),
+        (None, None) => "any finite number".to_owned(),
+    }
+}
+
+/// What a schema says of the key at a dotted path: description, type, range, default.
+pub fn explain(schema: &Schema, path: &str) -> Option<String> {
+    let root = schema.as_value();
+    let walk = Walk { root, faults: Vec::new() };
+    let mut outer = root;
+    let mut node = root;
+    for part in path.split('.') {
+        let next = walk.resolve(node);
+        let next = alternatives(next)
+            .and_then(|all| {
+                all.iter().map(|a| walk.resolve(a)).find(|a| has_type(a, "object") || has_type(a, "array"))
+            })
+            .unwrap_or(next);
+        outer = if part.parse::<usize>().is_ok() && has_type(next, "array") {
+            next.get("items")?
+        } else {
+            let table = if has_type(next, "array") { walk.resolve(next.get("items")?) } else { next };
+            table.get("properties")?.get(part)?
+        };
+        node = walk.resolve(outer);
+    }
+    let either = |key: &str| outer.get(key).or_else(|| node.get(key));
+    let mut lines = vec![path.to_owned()];
+    if let Some(text) = either("description").and_then(Json::as_str) {
+        lines.push(format!("  {}", text.replace('\n', "\n  ")));
+    }
+    let bound = |key: &str| either(key).and_then(Json::as_f64);
+    if bound("minimum").is_some() || bound("maximum").is_some() {
+        lines.push(format!("  allowed: {}", range(bound("minimum"), bound("maximum"))));
+    }
+    let choices: Vec<Json> = match either("enum").and_then(Json::as_array) {
+        Some(all) => all.clone(),
+        None => alternatives(node).into_iter().flatten().filter_map(|a| a.get("const").cloned()).collect(),
+    };
+    if !choices.is_empty() {
+        lines.push(format!("  one of: {}", list(&choices)));
+    }
+    if let Some(default) = either("default") {
+        lines.push(format!("  default: {default}"));
+    }
+    if let Some(properties) = node.get("properties").and_then(Json::as_object) {
+        lines.push(format!("  keys: {}", properties.keys().cloned().collect::<Vec<_>>().join(", ")));
+    }
+    Some(lines.join("\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct Outer {
+        inner: Inner,
+        #[serde(default)]
+        parts: Vec<Inner>,
+        choice: Choice,
+        spare: Option<Inner>,
+    }
+
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct Inner {
+        /// Length of the thing.
+        #[schemars(range(min = 0.01, max = 2.0))]
+        length_m: f64,
+        #[serde(default)]
+        #[schemars(inner(range(min = -1.0, max = 1.0)))]
+        axis: [f64; 3],
+    }
+
+    #[derive(Debug, Deserialize, JsonSchema, PartialEq)]
+    #[serde(rename_all = "snake_case")]
+    enum Choice {
+        /// One.
+        FirstKind,
+        /// Two.
+        SecondKind,
+    }
+
+    const GOOD: &str = "choice = \"first_kind\"\n[inner]\nlength_m = 1 # whole numbers are fine\n[[parts]]\nlength_m = 0.5\n[[parts]]\nlength_m = 0.6\naxis = [0, 0.5, 1]\n";
+
+    fn message(text: &str) -> String {
+        Document::parse("f.toml", text).and_then(|d| d.read::<Outer>()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_good_file_is_read() {
+        let outer: Outer = Document::parse("f.toml", GOOD).unwrap().read().unwrap();
+        assert_eq!((outer.inner.length_m, outer.parts[1].axis[1]), (1.0, 0.5));
+        assert_eq!(outer.choice, Choice::FirstKind);
+        assert!(outer.spare.is_none());
+    }
+
+    #[test]
+    fn messages_name_file_line_key_and_range() {
+        let out_of_range = GOOD.replace("0.6", "9.0");
+        assert_eq!(
+            message(&out_of_range),
+            "f.toml:7: parts.1.length_m: 9 is out of range; allowed 0.01 to 2"
+        );
+        assert_eq!(
+            message(&GOOD.replace("0.5, 1]", "0.5, 7]")),
+            "f.toml:8: parts.1.axis.2: 7 is out of range; allowed -1 to 1"
+        );
+        assert_eq!(
+            message(&GOOD.replace("first_kind", "x")),
+            "f.toml:1: choice: \"x\" is not allowed; one of \"first_kind\", \"second_kind\""
+        );
+        assert_eq!(
+            message(&GOOD.replace("= 0.5", "= nan")),
+            "f.toml:5: parts.0.length_m: NaN is out of range; allowed 0.01 to 2"
+        );
+        assert_eq!(
+            message(&GOOD.replace("= 0.5", "= \"a\"")),
+            "f.toml:5: parts.0.length_m: expected number, got a string"
+        );
+        assert!(
+            message(&GOOD.replace("axis", "axes"))
+                .starts_with("f.toml:8: parts.1.axes: unknown key; known here:")
+        );
+        assert_eq!(message("choice = \"first_kind\"\n[inner]\n"), "f.toml:2: inner.length_m: missing");
+        assert!(message("choice = \n").starts_with("f.toml:1:"));
+    }
+
+    #[test]
+    fn an_override_is_judged_like_the_file_and_named() {
+        let mut d = Document::parse("f.toml", GOOD).unwrap();
+        d.set("parts.1.length_m", "0.7").unwrap();
+        assert_eq!(d.read::<Outer>().unwrap().parts[1].length_m, 0.7);
+        d.set("inner.lenght_m", "0.7").unwrap();
+        let e = d.read::<Outer>().unwrap_err().to_string();
+        assert!(e.starts_with("f.toml: inner.lenght_m: unknown key"), "{e}");
+        assert!(e.ends_with("(given by --set)"), "{e}");
+        assert!(d.set("inner.length_m.x", "1").is_err());
+        assert!(d.set("parts.9.length_m", "1").is_err());
+        assert!(d.set("inner.length_m", "1\nx = 2").is_err());
+    }
+
+    #[test]
+    fn a_key_is_explained_from_the_schema() {
+        let text = explain(&schemars::schema_for!(Outer), "inner.length_m").unwrap();
+        assert!(text.contains("Length of the thing.") && text.contains("allowed: 0.01 to 2"), "{text}");
+        assert!(explain(&schemars::schema_for!(Outer), "spare.length_m").is_some());
+        assert!(explain(&schemars::schema_for!(Outer), "inner.nothing").is_none());
     }
 }
