@@ -112,6 +112,11 @@ impl Document {
         &self.file
     }
 
+    /// The value of a top-level key.
+    pub fn get(&self, key: &str) -> Option<&Value> {
+        self.value.get(key)
+    }
+
     /// Replaces or adds the value at the dotted path `key`; a number in the path indexes an array.
     /// Whether the key exists is judged by [`Document::read`].
     pub fn set(&mut self, key: &str, toml_value: &str) -> Result<(), InputError> {

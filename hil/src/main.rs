@@ -1,1 +1,53 @@
-fn main() {}
+//! `hopbench`: the bench on which a hybrid-rocket lander hops before it hops.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use hopbench_hil::command::{self, Common};
+
+/// The bench on which a hybrid-rocket lander hops before it hops
+#[derive(Debug, Parser)]
+#[command(name = "hopbench", version)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Hil(command::hil::Args),
+    Fly(command::fly::Args),
+    Autopilot(command::autopilot::Args),
+    Engine(command::engine::Args),
+    Check(command::check::Args),
+}
+
+const TO_TRY: &str = "Three commands to try:
+
+  hopbench hil scenarios/hop_50m.toml                 hop in real time, the autopilot at the other end of a MAVLink link
+  hopbench fly scenarios/hop_50m.toml                 the same hop in memory, as fast as possible
+  hopbench engine scenarios/vehicles/reference.toml --thrust-n 650   one steady point of the engine
+
+`hopbench --help` lists everything.";
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let common = &cli.common;
+    let result = match &cli.command {
+        None => {
+            println!("{TO_TRY}");
+            return ExitCode::SUCCESS;
+        }
+        Some(Command::Hil(args)) => command::hil::run(args, common),
+        Some(Command::Fly(args)) => command::fly::run(args, common),
+        Some(Command::Autopilot(args)) => command::autopilot::run(args, common),
+        Some(Command::Engine(args)) => command::engine::run(args, common),
+        Some(Command::Check(args)) => command::check::run(args, common),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("{error:#}");
+        command::exit_code(&error)
+    })
+}

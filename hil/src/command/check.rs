@@ -1,0 +1,102 @@
+//! `hopbench check`: is this file right, what does a key mean, which way does what turn.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Result;
+use hopbench::input::{Fault, InputError};
+use hopbench::plant::signs;
+use hopbench::scenario::ScenarioFile;
+use hopbench::vehicle::VehicleFile;
+use serde_json::json;
+
+use super::{Common, DONE, UNEXPECTED, print_json};
+use crate::load::{self, Kind};
+
+/// Validate any scenario or vehicle file
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Scenario or vehicle file
+    pub file: PathBuf,
+    /// Print and compute the table of signs from the plant itself
+    #[arg(long, conflicts_with_all = ["explain", "schema"])]
+    pub signs: bool,
+    /// Say what a key means and what it may be
+    #[arg(long, value_name = "KEY", conflicts_with = "schema")]
+    pub explain: Option<String>,
+    /// Print the JSON schema of this kind of file, for editors
+    #[arg(long)]
+    pub schema: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    let document = load::document(&args.file)?;
+    let kind = load::kind(&document)?;
+    let schema = match kind {
+        Kind::Vehicle => schemars::schema_for!(VehicleFile),
+        Kind::Scenario => schemars::schema_for!(ScenarioFile),
+    };
+    if args.schema {
+        print_json(&schema)?;
+        return Ok(ExitCode::from(DONE));
+    }
+    if let Some(key) = &args.explain {
+        // A scenario's key may also lie in its vehicle file.
+        let vehicle_schema = schemars::schema_for!(VehicleFile);
+        let text = hopbench::input::explain(&schema, key).or_else(|| {
+            let key = key.strip_prefix("vehicle.")?;
+            hopbench::input::explain(&vehicle_schema, key)
+        });
+        let Some(text) = text else {
+            return Err(InputError {
+                file: args.file.display().to_string(),
+                faults: vec![Fault { line: None, key: key.clone(), message: "unknown key".to_owned() }],
+            }
+            .into());
+        };
+        if common.json {
+            print_json(&json!({ "key": key, "text": text }))?;
+        } else {
+            println!("{text}");
+        }
+        return Ok(ExitCode::from(DONE));
+    }
+    let vehicle = match kind {
+        Kind::Vehicle => load::vehicle(&args.file, &common.set)?,
+        Kind::Scenario => load::scenario(&args.file, &common.set, None)?.vehicle,
+    };
+    if args.signs {
+        let table = signs::table(&vehicle)?;
+        let agrees = table.iter().all(|row| row.agrees);
+        if common.json {
+            print_json(&json!({ "vehicle": vehicle.name, "agrees": agrees, "signs": table }))?;
+        } else {
+            println!("Signs of {}, computed by deflecting one command at a time in hover:\n", vehicle.name);
+            println!(
+                "{:<14} {:<36} {:>12} {:>12} {:>12}   agrees",
+                "command", "convention", "about x", "about y", "about z"
+            );
+            for row in &table {
+                println!(
+                    "{:<14} {:<36} {:>12.4} {:>12.4} {:>12.4}   {}",
+                    row.command,
+                    row.convention,
+                    row.angular_acceleration_rad_s2[0],
+                    row.angular_acceleration_rad_s2[1],
+                    row.angular_acceleration_rad_s2[2],
+                    if row.agrees { "yes" } else { "NO" }
+                );
+            }
+            println!("\nAngular acceleration in rad/s², body FRD: x leg 1, z down toward the nozzle.");
+        }
+        return Ok(ExitCode::from(if agrees { DONE } else { UNEXPECTED }));
+    }
+    let what = if kind == Kind::Vehicle { "vehicle" } else { "scenario" };
+    if common.json {
+        print_json(&json!({ "file": args.file, "kind": what, "valid": true }))?;
+    } else {
+        println!("{}: a good {what} file", args.file.display());
+    }
+    Ok(ExitCode::from(DONE))
+}

@@ -1,0 +1,51 @@
+//! The commands of `hopbench`, one file each. A command that is not built is not here.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+pub mod autopilot;
+pub mod check;
+pub mod engine;
+pub mod fly;
+pub mod hil;
+
+/// What every command takes.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Common {
+    /// Print one JSON object on stdout; everything else goes to stderr
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Seed of every random stream; replaces the scenario's
+    #[arg(long, global = true, value_name = "N")]
+    pub seed: Option<u32>,
+    /// Folder that receives the run
+    #[arg(long, global = true, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace one value: dotted path in the scenario file, or `vehicle.` and the dotted path in the vehicle file; VALUE is TOML
+    #[arg(long, global = true, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// Exit codes: done and as expected.
+pub const DONE: u8 = 0;
+/// Flew, but not as expected.
+pub const UNEXPECTED: u8 = 1;
+/// The input is wrong.
+pub const BAD_INPUT: u8 = 2;
+/// Link or device failed.
+pub const DEVICE_FAILED: u8 = 3;
+
+/// Exit code for an error that ends a command.
+pub fn exit_code(error: &anyhow::Error) -> ExitCode {
+    ExitCode::from(if error.is::<hopbench::input::InputError>() { BAD_INPUT } else { DEVICE_FAILED })
+}
+
+/// Writes one JSON object to stdout. A reader that has gone away is no reason to fail.
+pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    use std::io::Write;
+    let text = serde_json::to_string_pretty(value)?;
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
+        _ => Ok(()),
+    }
+}

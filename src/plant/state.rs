@@ -1,0 +1,130 @@
+//! State of the plant and its rate: the same names, the same shape.
+
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use crate::frame::Vec3;
+use crate::integrator::Integrable;
+
+/// Defines `State` and `Rate` with the same fields, and how a state moves along a rate.
+macro_rules! state {
+    ($($(#[doc = $doc:literal])* $field:ident: $kind:ty,)*) => {
+        /// Everything that is integrated. Discrete things (commands in flight, contact anchors, the
+        /// ignition sequence) stand beside it in [`super::Plant`] and change between steps only.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct State {
+            $($(#[doc = $doc])* pub $field: $kind,)*
+        }
+
+        /// Time derivative of every field of [`State`], per second.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Rate {
+            $($(#[doc = $doc])* pub $field: $kind,)*
+        }
+
+        impl Integrable for State {
+            type Rate = Rate;
+
+            fn advanced(&self, rate: &Rate, dt_s: f64) -> Self {
+                Self { $($field: self.$field + rate.$field * dt_s,)* }
+            }
+
+            fn rk4_mean(k1: &Rate, k2: &Rate, k3: &Rate, k4: &Rate) -> Rate {
+                Rate {
+                    $($field: (k1.$field + (k2.$field + k3.$field) * 2.0 + k4.$field) * (1.0 / 6.0),)*
+                }
+            }
+        }
+    };
+}
+
+state! {
+    /// Gimbal pivot, north-east-down from the pad surface [m].
+    position_ned_m: Vec3,
+    /// Velocity of the pivot [m/s].
+    velocity_ned_m_s: Vec3,
+    /// Attitude, Hamilton; renormalised after each step.
+    q_ned_from_body: Quaternion<f64>,
+    /// Body rate [rad/s].
+    rate_body_rad_s: Vec3,
+    /// Sloshing mass against the tank axis, x and y in FRD; z stays 0 [m].
+    slosh_m: Vec3,
+    /// Its velocity in the body [m/s].
+    slosh_m_s: Vec3,
+    /// Nitrous oxide in the run tank [kg].
+    nitrous_kg: f64,
+    /// Nitrogen in bottle and run tank together [kg].
+    nitrogen_kg: f64,
+    /// Port radius [m].
+    port_radius_m: f64,
+    /// Throat radius [m].
+    throat_radius_m: f64,
+    /// Oxidiser in the chamber's gas, with the filling model [kg].
+    chamber_oxidizer_kg: f64,
+    /// Fuel in the chamber's gas, with the filling model [kg].
+    chamber_fuel_kg: f64,
+    /// Share of the oxidiser that burns, 0 to 1.
+    burning_fraction: f64,
+    /// Oxidiser valve angle [rad].
+    valve_rad: f64,
+    /// Its rate [rad/s].
+    valve_rad_s: f64,
+    /// Gimbal angles, x and y in the sense of the commands; z stays 0 [rad].
+    gimbal_rad: Vec3,
+    /// Their rates [rad/s].
+    gimbal_rad_s: Vec3,
+    /// Thruster pairs' share of full thrust: x the pair of positive, y of negative moment about FRD z; z stays 0.
+    rcs_level: Vec3,
+    /// Mass that left through the nozzle [kg].
+    expelled_nozzle_kg: f64,
+    /// Nitrogen that left through the thrusters [kg].
+    expelled_rcs_kg: f64,
+    /// Nitrogen that left through the vent [kg].
+    expelled_vent_kg: f64,
+    /// Integral of the specific force at the inertial unit, body axes [m/s].
+    imu_velocity_body_m_s: Vec3,
+    /// Integral of the body rate [rad].
+    imu_angle_body_rad: Vec3,
+}
+
+impl State {
+    /// Attitude as a rotation.
+    pub fn attitude(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::new_normalize(self.q_ned_from_body)
+    }
+
+    /// Every number, in a fixed order: for hashes and for the search for what is not finite.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let vectors = [
+            self.position_ned_m,
+            self.velocity_ned_m_s,
+            self.rate_body_rad_s,
+            self.slosh_m,
+            self.slosh_m_s,
+            self.gimbal_rad,
+            self.gimbal_rad_s,
+            self.rcs_level,
+            self.imu_velocity_body_m_s,
+            self.imu_angle_body_rad,
+        ];
+        let scalars = [
+            self.nitrous_kg,
+            self.nitrogen_kg,
+            self.port_radius_m,
+            self.throat_radius_m,
+            self.chamber_oxidizer_kg,
+            self.chamber_fuel_kg,
+            self.burning_fraction,
+            self.valve_rad,
+            self.valve_rad_s,
+            self.expelled_nozzle_kg,
+            self.expelled_rcs_kg,
+            self.expelled_vent_kg,
+        ];
+        let q = self.q_ned_from_body.coords;
+        vectors
+            .into_iter()
+            .flat_map(|v| [v.x, v.y, v.z])
+            .chain([q.w, q.x, q.y, q.z])
+            .chain(scalars)
+    }
+}

@@ -1,0 +1,365 @@
+//! A flight as data: which vehicle, where it starts, what is asked of it and what is expected.
+
+mod schedule;
+
+pub use schedule::{Schedule, ScheduleError};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::autopilot::Mission;
+use crate::environment::Site;
+use crate::environment::wind::WindParameters;
+use crate::input::{Document, InputError, Invalid};
+use crate::vehicle::Vehicle;
+
+/// A scenario file. Relative paths in it start at its own folder.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScenarioFile {
+    /// One line for people.
+    #[serde(default)]
+    pub description: String,
+    /// Vehicle file.
+    pub vehicle: String,
+    /// Seed of every random stream; `--seed` replaces it.
+    #[serde(default)]
+    #[schemars(range(min = 0))]
+    pub seed: u32,
+    /// End of an open-loop run [s]; absent: the flight ends by itself.
+    #[schemars(range(min = 0.001, max = 86400.0))]
+    pub duration_s: Option<f64>,
+    /// Longest mission time, counted from ignition [s].
+    #[serde(default = "default_timeout_s")]
+    #[schemars(range(min = 1.0, max = 86400.0))]
+    pub timeout_s: f64,
+    /// Longest wait on the pad for arming [s of simulated time since the first frame of the flight controller]; 0: no limit.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub arm_wait_s: f64,
+    /// Silence of the flight controller that counts as its loss [ms].
+    #[serde(default = "default_fc_timeout_ms")]
+    #[schemars(range(min = 10.0, max = 60000.0))]
+    pub fc_timeout_ms: f64,
+    /// What happens when the flight controller is lost in flight.
+    #[serde(default)]
+    pub on_fc_loss: OnFcLoss,
+    /// The scenario means to lose its flight controller, so the fallback's flight may pass.
+    #[serde(default)]
+    pub fallback_expected: bool,
+    /// Open-loop command schedule, a CSV file; `fly --commands` replaces it.
+    pub commands: Option<String>,
+    /// Replaces the vehicle file's site.
+    pub site: Option<Site>,
+    /// Wind; absent: calm.
+    #[serde(default)]
+    pub wind: WindParameters,
+    /// State at step 0.
+    #[serde(default)]
+    pub initial: Initial,
+    /// Who commands igniter, isolation, vent and hold-down.
+    #[serde(default)]
+    pub sequence: Sequence,
+    /// Idealised actuators.
+    #[serde(default)]
+    pub actuators: Actuators,
+    /// Choices of model that replace those of the vehicle file.
+    #[serde(default)]
+    pub model: Model,
+    /// Sensors as a whole.
+    #[serde(default)]
+    pub sensors: Sensors,
+    /// What the built-in autopilot is to fly.
+    #[serde(default)]
+    pub mission: Mission,
+    /// What the flight must show to pass.
+    #[serde(default)]
+    pub expect: Expect,
+}
+
+fn default_timeout_s() -> f64 {
+    120.0
+}
+
+fn default_fc_timeout_ms() -> f64 {
+    200.0
+}
+
+/// What the bench does when the flight controller falls silent in flight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OnFcLoss {
+    /// The built-in autopilot, which has shadowed the measurements, flies on.
+    #[default]
+    Autopilot,
+    /// The engine is cut.
+    Cut,
+}
+
+/// State at step 0.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Initial {
+    /// Standing on its legs, or free.
+    #[serde(default)]
+    pub place: Place,
+    /// Gimbal pivot, north-east-down from the pad surface [m]. On the pad the height follows from the legs.
+    #[serde(default)]
+    #[schemars(inner(range(min = -10000.0, max = 10000.0)))]
+    pub position_ned_m: [f64; 3],
+    /// Velocity of the pivot [m/s].
+    #[serde(default)]
+    #[schemars(inner(range(min = -200.0, max = 200.0)))]
+    pub velocity_ned_m_s: [f64; 3],
+    /// Attitude, scalar first; normalised when read.
+    #[serde(default = "identity")]
+    #[schemars(inner(range(min = -1.0, max = 1.0)))]
+    pub q_ned_from_body: [f64; 4],
+    /// Body rate [rad/s].
+    #[serde(default)]
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
+    pub rate_body_rad_s: [f64; 3],
+    /// Liquid nitrous oxide [kg]; absent: the vehicle file's fill.
+    #[schemars(range(min = 0.0, max = 500.0))]
+    pub nitrous_kg: Option<f64>,
+    /// Nitrogen, bottle and run tank together [kg]; absent: the vehicle file's bottle pressure.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub nitrogen_kg: Option<f64>,
+    /// Port radius [m]; absent: the vehicle file's.
+    #[schemars(range(min = 0.001, max = 0.5))]
+    pub port_radius_m: Option<f64>,
+    /// Throat radius [m]; absent: the vehicle file's.
+    #[schemars(range(min = 0.001, max = 0.2))]
+    pub throat_radius_m: Option<f64>,
+    /// Engine off, or lit and steady at the first command.
+    #[serde(default)]
+    pub engine: EngineStart,
+    /// Held fast in position and attitude, as on a static stand.
+    #[serde(default)]
+    pub clamped: bool,
+}
+
+fn identity() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
+/// Where a flight starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// At rest on its legs.
+    #[default]
+    Pad,
+    /// Anywhere, with nothing to stand on: no ground in the whole run.
+    Free,
+}
+
+/// Engine at step 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EngineStart {
+    /// Cold.
+    #[default]
+    Off,
+    /// Lit, at its steady state for the first command.
+    Running,
+}
+
+/// `[sequence]`.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sequence {
+    /// Who commands the discrete actuators.
+    pub source: SequenceSource,
+}
+
+/// Who commands igniter, isolation, vent and hold-down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SequenceSource {
+    /// Arming opens the isolation valve and shuts the vent; throttle above the shutdown fraction fires the igniter and releases the hold-down; disarming safes all.
+    #[default]
+    Auto,
+    /// The flight controller's own channels.
+    Controls,
+}
+
+/// `[actuators]`.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Actuators {
+    /// Valve angle, gimbal angles and RCS thrust equal the command at once.
+    #[serde(default)]
+    pub ideal: bool,
+    /// With `ideal`: brings back the gimbal servos alone.
+    pub gimbal: Option<GimbalActuator>,
+}
+
+/// The gimbal beside otherwise ideal actuators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GimbalActuator {
+    /// Second-order servo with delay, as in the vehicle file.
+    Servo,
+    /// The angle equals the command.
+    Ideal,
+}
+
+/// `[model]`.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Model {
+    /// Replaces `engine.chamber.model`.
+    pub chamber: Option<crate::propulsion::ChamberModel>,
+    /// Replaces `gimbal.engine_inertia`.
+    pub gimbal_inertia: Option<bool>,
+}
+
+/// `[sensors]` of a scenario.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sensors {
+    /// Without sensors nothing but a schedule can fly.
+    #[serde(default = "yes")]
+    pub enabled: bool,
+    /// Replaces the grade of the vehicle file's receiver.
+    pub gnss: Option<crate::sensor::GnssGrade>,
+    /// Replaces the receiver's delay, whatever the profile says [s].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub gnss_delay_s: Option<f64>,
+}
+
+impl Default for Sensors {
+    fn default() -> Self {
+        Self { enabled: true, gnss: None, gnss_delay_s: None }
+    }
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// `[expect]`: what a flight must show. A key that is absent is not judged.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Expect {
+    /// How the flight must end.
+    pub outcome: Option<Outcome>,
+    /// Vertical speed of the centre of mass at first contact, at most [m/s].
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub touchdown_vertical_speed_max_m_s: Option<f64>,
+    /// Horizontal speed of the centre of mass at first contact, at most [m/s].
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub touchdown_lateral_speed_max_m_s: Option<f64>,
+    /// Tilt at first contact, at most [deg].
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub touchdown_tilt_max_deg: Option<f64>,
+    /// Horizontal distance from the flying autopilot's estimate to the target at first contact, at most [m]; not judged when an outside flight controller flew.
+    #[schemars(range(min = 0.0, max = 10000.0))]
+    pub control_error_max_m: Option<f64>,
+    /// Horizontal distance from the true position to the target at first contact, at most [m]. Plain GNSS wanders by a metre, so this is for `gnss = "rtk"`.
+    #[schemars(range(min = 0.0, max = 10000.0))]
+    pub position_error_max_m: Option<f64>,
+    /// Share of the fuel that must be left, at least.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub fuel_left_min_fraction: Option<f64>,
+    /// Share of the nitrous oxide that must be left, at least.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub nitrous_left_min_fraction: Option<f64>,
+    /// Time from lift-off to first contact, at most [s].
+    #[schemars(range(min = 0.0, max = 86400.0))]
+    pub flight_time_max_s: Option<f64>,
+    /// Height that the pivot must have reached above its rest height, at least [m].
+    #[schemars(range(min = 0.0, max = 10000.0))]
+    pub max_altitude_min_m: Option<f64>,
+    /// Mass that left the vehicle plus mass on board against the start, relative, at most.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub mass_closure_max: Option<f64>,
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// On its legs, at rest, engine off.
+    Landed,
+    /// Fell over on the ground.
+    Tipped,
+    /// Hit the ground harder than the legs can take, or with something else than the legs.
+    Crashed,
+    /// Ended early, on request or by an abort.
+    Aborted,
+    /// An open-loop run reached its duration.
+    Completed,
+    /// Hangs in its tether.
+    Hanging,
+    /// Throttle without a flame.
+    NoIgnition,
+    /// Time ran out.
+    Timeout,
+}
+
+/// A flight, ready to be flown.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// Name for reports: the file's name without folder and ending.
+    pub name: String,
+    /// The file's values.
+    pub file: ScenarioFile,
+    /// The vehicle, with the scenario's overrides of model and sensors applied.
+    pub vehicle: Vehicle,
+    /// The site in force.
+    pub site: Site,
+    /// Open-loop commands, if any.
+    pub schedule: Option<Schedule>,
+}
+
+impl ScenarioFile {
+    /// Reads and checks a scenario document.
+    pub fn read(document: &Document) -> Result<Self, InputError> {
+        let file: Self = document.read()?;
+        let mut faults = Vec::new();
+        let norm = file.initial.q_ned_from_body.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !(0.9..=1.1).contains(&norm) {
+            faults.push(Invalid::new(
+                "initial.q_ned_from_body",
+                format!("norm {norm:.4} is out of range; allowed 0.9 to 1.1"),
+            ));
+        }
+        if file.actuators.gimbal.is_some() && !file.actuators.ideal {
+            faults.push(Invalid::new("actuators.gimbal", "only beside actuators.ideal = true"));
+        }
+        if file.initial.engine == EngineStart::Running && file.initial.place == Place::Pad && !file.initial.clamped
+        {
+            faults.push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
+        }
+        if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
+    }
+}
+
+impl Scenario {
+    /// Joins a scenario with its vehicle and schedule.
+    pub fn new(
+        name: &str,
+        file: ScenarioFile,
+        mut vehicle: Vehicle,
+        schedule: Option<Schedule>,
+    ) -> Result<Self, Vec<Invalid>> {
+        if let Some(model) = file.model.chamber {
+            vehicle.engine.chamber.model = model;
+        }
+        if let Some(inertia) = file.model.gimbal_inertia {
+            vehicle.gimbal.engine_inertia = inertia;
+        }
+        if let Some(grade) = file.sensors.gnss {
+            vehicle.sensors.gnss.grade = grade;
+        }
+        let site = file.site.clone().unwrap_or_else(|| vehicle.site.clone());
+        Ok(Self { name: name.to_owned(), file, vehicle, site, schedule })
+    }
+
+    /// The landing target, north and east of the pad [m].
+    pub fn target_north_east_m(&self) -> [f64; 2] {
+        self.file.mission.target_north_east_m
+    }
+}

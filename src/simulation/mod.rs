@@ -1,0 +1,414 @@
+//! A flight in memory: plant, sensors and built-in autopilot on one integer clock, with a referee.
+//!
+//! [`Flight`] is stepped by its owner: [`fly`] does it as fast as possible with the autopilot or a
+//! schedule at the controls, the bench does it beside a link with whoever sits at the other end. The
+//! built-in autopilot sees every measurement from the first on, so that it can take over at any time.
+
+pub mod outfit;
+mod referee;
+pub mod report;
+
+pub use referee::{Circumstances, Referee};
+pub use report::{Event, FlownBy, Report, Source};
+
+use crate::autopilot::Autopilot;
+use crate::frame::Vec3;
+use crate::input::Invalid;
+use crate::plant::{Plant, STEP, Snapshot};
+use crate::scenario::{Outcome, Place, Scenario};
+use crate::sensor::{SensorSetup, SensorSuite};
+use crate::signal::{ActuatorCommand, Measurement, Throttle};
+use crate::time::SimTime;
+
+use report::{MassBalance, Propellant, Timing, Verdict};
+
+/// States are hashed at this interval [steps].
+const HASH_EVERY: u64 = 100;
+
+/// One flight of one scenario under one seed.
+pub struct Flight {
+    scenario: Scenario,
+    seed: u32,
+    plant: Plant,
+    sensors: Option<SensorSuite>,
+    autopilot: Autopilot,
+    referee: Referee,
+    measurement: Option<Measurement>,
+    snapshot: Snapshot,
+    initial: Snapshot,
+    events: Vec<Event>,
+    flown_by: Vec<FlownBy>,
+    source: Source,
+    armed: bool,
+    phase: Option<&'static str>,
+    hash: Fnv,
+    steps: u64,
+    estimate_at_touchdown: Option<Vec3>,
+}
+
+/// What a bench may ask of the sensors beyond the scenario.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Instrumentation {
+    /// Rate of the inertial unit [Hz].
+    pub imu_rate_hz: Option<f64>,
+    /// Delay of satellite navigation that a profile asks for; the scenario's own comes first [s].
+    pub gnss_delay_s: Option<f64>,
+}
+
+impl Flight {
+    /// Sets the vehicle up for step 0.
+    ///
+    /// # Errors
+    /// When vehicle, site and scenario contradict each other.
+    pub fn new(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
+        Self::with(scenario, seed, &Instrumentation::default())
+    }
+
+    /// The same with sensors as a profile wants them.
+    ///
+    /// # Errors
+    /// As [`Flight::new`].
+    pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
+        let plant = Plant::new(scenario)?;
+        let snapshot = plant.snapshot();
+        let mut parameters = scenario.vehicle.sensors.clone();
+        if let Some(rate_hz) = instruments.imu_rate_hz {
+            parameters.imu.rate_hz = rate_hz;
+        }
+        let sensors = if scenario.file.sensors.enabled {
+            Some(SensorSuite::new(
+                &parameters,
+                &SensorSetup {
+                    environment: plant.environment(),
+                    seed: u64::from(seed),
+                    step: STEP,
+                    initial: &plant.truth(),
+                    gnss_delay_s: scenario.file.sensors.gnss_delay_s.or(instruments.gnss_delay_s),
+                },
+            )?)
+        } else {
+            None
+        };
+        let target = Vec3::new(scenario.target_north_east_m()[0], scenario.target_north_east_m()[1], 0.0);
+        let stroke_m = scenario.vehicle.landing_gear.stroke_m;
+        let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
+        Ok(Self {
+            autopilot: Autopilot::new(outfit::autopilot(scenario, instruments)),
+            referee: Referee::new(target, stroke_m, scenario.file.timeout_s, has_ground),
+            scenario: scenario.clone(),
+            seed,
+            plant,
+            sensors,
+            measurement: None,
+            initial: snapshot,
+            snapshot,
+            events: Vec::new(),
+            flown_by: Vec::new(),
+            source: Source::Autopilot,
+            armed: false,
+            phase: None,
+            hash: Fnv::default(),
+            steps: 0,
+            estimate_at_touchdown: None,
+        })
+    }
+
+    /// Length of a step [s].
+    pub fn step_s(&self) -> f64 {
+        STEP.s()
+    }
+
+    /// Advances one step under a command.
+    pub fn step(&mut self, command: &ActuatorCommand) {
+        if command.armed && !self.armed {
+            self.event("armed", String::new());
+        }
+        self.armed = command.armed;
+        self.plant.step(command);
+        self.steps += 1;
+        self.snapshot = self.plant.snapshot();
+        for event in self.plant.take_events() {
+            self.events.push(Event {
+                time_s: event.time.s(),
+                name: event.name.to_owned(),
+                detail: event.detail,
+            });
+        }
+        let truth = self.plant.truth();
+        let time = self.plant.time();
+        self.measurement = self.sensors.as_mut().and_then(|sensors| sensors.sample(&truth, time));
+        let seen = self.referee.watch(
+            &self.snapshot,
+            &Circumstances {
+                armed: command.armed,
+                throttle: command.armed && asks_for_thrust(command),
+                mission_s: self.plant.mission_s(),
+                hover_reference_ned_m: self.hover_reference(),
+                dt_s: STEP.s(),
+            },
+        );
+        if seen.liftoff {
+            self.event("liftoff", String::new());
+        }
+        if seen.touchdown {
+            self.touchdown_event();
+        }
+        if self.steps.is_multiple_of(HASH_EVERY) {
+            self.hash.state(self.plant.state());
+        }
+    }
+
+    /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
+    fn hover_reference(&self) -> Option<Vec3> {
+        (self.source == Source::Autopilot && self.phase == Some("hover"))
+            .then(|| self.autopilot.reference().position_ned_m)
+    }
+
+    fn touchdown_event(&mut self) {
+        let Some(touchdown) = self.referee.touchdown else { return };
+        if self.source == Source::Autopilot && self.estimate_at_touchdown.is_none() {
+            self.estimate_at_touchdown = Some(self.autopilot.estimate().position_ned_m);
+        }
+        self.event(
+            "touchdown",
+            format!(
+                "{:.2} m/s down, {:.2} m/s across, tilt {:.1} deg",
+                touchdown.vertical_speed_m_s, touchdown.lateral_speed_m_s, touchdown.tilt_deg
+            ),
+        );
+    }
+
+    /// The measurement that the last step produced, if the inertial unit had a sample.
+    pub fn measurement(&self) -> Option<&Measurement> {
+        self.measurement.as_ref()
+    }
+
+    /// Run time.
+    pub fn time(&self) -> SimTime {
+        self.plant.time()
+    }
+
+    /// Time since the igniter was fired [s].
+    pub fn mission_s(&self) -> Option<f64> {
+        self.plant.mission_s()
+    }
+
+    /// The truth.
+    pub fn snapshot(&self) -> &Snapshot {
+        &self.snapshot
+    }
+
+    /// The scenario flown.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// How the flight ended, once it has.
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.referee.outcome()
+    }
+
+    /// Ends the flight from outside.
+    pub fn end(&mut self, outcome: Outcome) {
+        self.referee.end(outcome);
+    }
+
+    /// The built-in autopilot.
+    pub fn autopilot(&mut self) -> &mut Autopilot {
+        &mut self.autopilot
+    }
+
+    /// Lets the built-in autopilot fly: what it commands on the newest measurement. Its phases become
+    /// events.
+    pub fn autopilot_command(&mut self) -> Option<ActuatorCommand> {
+        let measurement = self.measurement.as_ref()?;
+        let command = self.autopilot.update(measurement);
+        self.note_phase(self.autopilot.phase().name());
+        Some(command)
+    }
+
+    /// Notes the phase of the mission, whoever carries it.
+    pub fn note_phase(&mut self, phase: &'static str) {
+        if self.phase != Some(phase) {
+            self.phase = Some(phase);
+            self.event(&format!("phase:{phase}"), String::new());
+        }
+    }
+
+    /// The phase noted last.
+    pub fn phase(&self) -> Option<&'static str> {
+        self.phase
+    }
+
+    /// Keeps the built-in autopilot in step while another flies.
+    pub fn shadow(&mut self, applied: &ActuatorCommand) {
+        if let Some(measurement) = &self.measurement {
+            self.autopilot.observe(measurement, applied);
+        }
+    }
+
+    /// Adds an event.
+    pub fn event(&mut self, name: &str, detail: String) {
+        self.events.push(Event { time_s: self.plant.time().s(), name: name.to_owned(), detail });
+    }
+
+    /// Everything that happened so far.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// From now on `source` flies.
+    pub fn set_source(&mut self, source: Source) {
+        let now = self.plant.time().s();
+        self.source = source;
+        match self.flown_by.last_mut() {
+            Some(last) if last.source == source => {}
+            last => {
+                if let Some(last) = last {
+                    last.to_s = now;
+                }
+                self.flown_by.push(FlownBy { source, from_s: now, to_s: now });
+            }
+        }
+    }
+
+    /// The estimate of the autopilot that flew, if that was not the flight's own but one at the other
+    /// end of a link; used for the errors at touchdown.
+    pub fn set_estimate_at_touchdown(&mut self, position_ned_m: Vec3) {
+        self.estimate_at_touchdown.get_or_insert(position_ned_m);
+    }
+
+    /// Whether first contact has been seen.
+    pub fn has_touched_down(&self) -> bool {
+        self.referee.touchdown.is_some()
+    }
+
+    /// The report, judged. `fc_must_fly`: an outside flight controller was attached and no fallback is
+    /// expected. Timing and link are the owner's to fill in.
+    pub fn report(&self, fc_must_fly: bool) -> Report {
+        let (start, end) = (&self.initial, &self.snapshot);
+        let mut flown_by = self.flown_by.clone();
+        if let Some(last) = flown_by.last_mut() {
+            last.to_s = end.time.s();
+        }
+        let [nozzle, rcs, vent] = end.expelled_kg;
+        let target = self.scenario.target_north_east_m();
+        let touchdown = self.referee.touchdown.map(|mut touchdown| {
+            if let Some(estimate) = self.estimate_at_touchdown {
+                touchdown.control_error_m = Some(libm::hypot(estimate.x - target[0], estimate.y - target[1]));
+                touchdown.navigation_error_m = self
+                    .true_at_touchdown()
+                    .map(|p| libm::hypot(estimate.x - p.x, estimate.y - p.y));
+            }
+            touchdown
+        });
+        let mut hash = self.hash;
+        hash.state(self.plant.state());
+        let mut report = Report {
+            scenario: self.scenario.name.clone(),
+            seed: self.seed,
+            outcome: self.outcome().unwrap_or(Outcome::Aborted),
+            flown_by,
+            expect: Verdict::default(),
+            touchdown,
+            max_altitude_m: self.referee.max_altitude_m,
+            hover: self.referee.hover(),
+            propellant: Propellant {
+                nitrous_used_kg: start.nitrous_kg - end.nitrous_kg,
+                nitrous_left_kg: end.nitrous_kg,
+                fuel_used_kg: start.fuel_kg - end.fuel_kg,
+                fuel_left_kg: end.fuel_kg,
+                nitrogen_rcs_kg: rcs,
+                nitrogen_vented_kg: vent,
+            },
+            mass: MassBalance {
+                initial_kg: start.mass_kg,
+                final_kg: end.mass_kg,
+                closure_error_kg: (start.mass_kg + start.chamber_gas_kg)
+                    - (end.mass_kg + end.chamber_gas_kg)
+                    - (nozzle + rcs + vent),
+            },
+            timing: Timing { simulated_s: end.time.s(), steps: self.steps, ..Timing::default() },
+            link: None,
+            events: self.events.clone(),
+            state_hash: format!("{:016x}", hash.0),
+            run: None,
+            overrides: Vec::new(),
+        };
+        let flight_time_s =
+            self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);
+        report.judge(&self.scenario.file.expect, flight_time_s, fc_must_fly);
+        report
+    }
+
+    fn true_at_touchdown(&self) -> Option<Vec3> {
+        self.referee.position_at_touchdown_ned_m()
+    }
+}
+
+/// Whether a command asks for any thrust at all.
+fn asks_for_thrust(command: &ActuatorCommand) -> bool {
+    match command.throttle {
+        Throttle::ThrustN(thrust_n) => thrust_n > 0.0,
+        Throttle::ValveRad(valve_rad) => valve_rad > 0.0,
+    }
+}
+
+/// Flies a scenario to its end, as fast as possible, with its schedule or the built-in autopilot.
+/// `each_step` sees the truth at step 0 and after every step.
+///
+/// # Errors
+/// As [`Flight::new`].
+pub fn fly(
+    scenario: &Scenario,
+    seed: u32,
+    mut each_step: impl FnMut(&Snapshot),
+) -> Result<Flight, Invalid> {
+    let mut flight = Flight::new(scenario, seed)?;
+    each_step(flight.snapshot());
+    let end = scenario.file.duration_s.map(SimTime::from_s);
+    if let Some(schedule) = &scenario.schedule {
+        flight.set_source(Source::Commands);
+        while flight.outcome().is_none() {
+            flight.step(schedule.at(flight.time()));
+            each_step(flight.snapshot());
+            if end.is_some_and(|end| flight.time() >= end) {
+                flight.end(Outcome::Completed);
+            }
+        }
+        return Ok(flight);
+    }
+    flight.set_source(Source::Autopilot);
+    let mut command = ActuatorCommand::SAFE;
+    while flight.outcome().is_none() {
+        flight.step(&command);
+        each_step(flight.snapshot());
+        if let Some(next) = flight.autopilot_command() {
+            command = next;
+        }
+        if end.is_some_and(|end| flight.time() >= end) {
+            flight.end(Outcome::Completed);
+        }
+    }
+    Ok(flight)
+}
+
+/// 64-bit FNV-1a over the bits of every number of a state.
+#[derive(Clone, Copy, Debug)]
+struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    fn state(&mut self, state: &crate::plant::State) {
+        for number in state.numbers() {
+            for byte in number.to_bits().to_le_bytes() {
+                self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+            }
+        }
+    }
+}

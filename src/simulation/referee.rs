@@ -1,0 +1,198 @@
+//! The referee: watches the truth, notes what happened, and says when and how a flight ended.
+
+use crate::frame::Vec3;
+use crate::plant::Snapshot;
+use crate::scenario::Outcome;
+
+use super::report::{Hover, Touchdown};
+
+/// Height above rest at which the vehicle counts as airborne [m]: contact after it is a touchdown, a
+/// leg that leaves the pad unevenly below it is not.
+const AIRBORNE_M: f64 = 0.30;
+/// At rest: speed of the centre of mass below this [m/s], for [`REST_S`].
+const REST_SPEED_M_S: f64 = 0.1;
+/// At rest: tilt below this [rad].
+const REST_TILT_RAD: f64 = 10.0 * core::f64::consts::PI / 180.0;
+/// Time at rest that counts as landed [s].
+const REST_S: f64 = 2.0;
+/// Pads that must be down.
+const REST_PADS: u32 = 3;
+/// A tilt on the ground from which no leg brings the vehicle back [rad]: the centre of mass, 1.15 m over
+/// the ground and 0.75 m from the pads, passes over a pad at 33 degrees; over an edge between two earlier.
+const TIPPED_TILT_RAD: f64 = 45.0 * core::f64::consts::PI / 180.0;
+/// After first contact everything must be over by then [s].
+const AFTER_CONTACT_S: f64 = 10.0;
+/// Throttle without a flame for so long is no ignition [s].
+const NO_IGNITION_S: f64 = 10.0;
+
+/// Watches one flight.
+#[derive(Clone, Debug)]
+pub struct Referee {
+    target_ned_m: Vec3,
+    stroke_m: f64,
+    timeout_s: f64,
+    has_ground: bool,
+    pub(super) max_altitude_m: f64,
+    pub(super) liftoff_s: Option<f64>,
+    airborne: bool,
+    pub(super) touchdown: Option<Touchdown>,
+    touchdown_ned_m: Option<Vec3>,
+    rest_since_s: Option<f64>,
+    throttle_since_s: Option<f64>,
+    hover: Option<HoverSums>,
+    outcome: Option<Outcome>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct HoverSums {
+    samples: f64,
+    altitude_m2: f64,
+    lateral_m2: f64,
+    duration_s: f64,
+}
+
+/// What the referee is told beside the truth.
+#[derive(Clone, Copy, Debug)]
+pub struct Circumstances {
+    /// Whoever flies has it armed.
+    pub armed: bool,
+    /// Whoever flies asks for thrust.
+    pub throttle: bool,
+    /// Time since ignition of the igniter [s].
+    pub mission_s: Option<f64>,
+    /// Reference of the hover phase, NED of the pivot, while in it.
+    pub hover_reference_ned_m: Option<Vec3>,
+    /// Time of this step [s].
+    pub dt_s: f64,
+}
+
+/// What the referee saw for the first time in this step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seen {
+    /// All pads have left the ground.
+    pub liftoff: bool,
+    /// First contact after being airborne.
+    pub touchdown: bool,
+}
+
+impl Referee {
+    /// For one flight to a target; `stroke_m` is what the legs can take.
+    pub fn new(target_ned_m: Vec3, stroke_m: f64, timeout_s: f64, has_ground: bool) -> Self {
+        Self {
+            target_ned_m,
+            stroke_m,
+            timeout_s,
+            has_ground,
+            max_altitude_m: 0.0,
+            liftoff_s: None,
+            airborne: false,
+            touchdown: None,
+            touchdown_ned_m: None,
+            rest_since_s: None,
+            throttle_since_s: None,
+            hover: None,
+            outcome: None,
+        }
+    }
+
+    /// How the flight ended, once it has.
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.outcome
+    }
+
+    /// The hover phase, if there was one.
+    pub fn hover(&self) -> Option<Hover> {
+        self.hover.filter(|h| h.samples > 0.0).map(|h| Hover {
+            duration_s: h.duration_s,
+            altitude_rms_m: (h.altitude_m2 / h.samples).sqrt(),
+            lateral_rms_m: (h.lateral_m2 / h.samples).sqrt(),
+        })
+    }
+
+    /// Where the pivot was at first contact.
+    pub fn position_at_touchdown_ned_m(&self) -> Option<Vec3> {
+        self.touchdown_ned_m
+    }
+
+    /// Ends the flight from outside, unless it has ended.
+    pub fn end(&mut self, outcome: Outcome) {
+        self.outcome.get_or_insert(outcome);
+    }
+
+    /// Takes in one step.
+    pub fn watch(&mut self, now: &Snapshot, is: &Circumstances) -> Seen {
+        let mut seen = Seen::default();
+        let time_s = now.time.s();
+        self.max_altitude_m = self.max_altitude_m.max(now.height_m);
+        if let Some(reference) = is.hover_reference_ned_m {
+            let off = now.position_ned_m - reference;
+            let sums = self.hover.get_or_insert_default();
+            sums.samples += 1.0;
+            sums.altitude_m2 += off.z * off.z;
+            sums.lateral_m2 += off.x * off.x + off.y * off.y;
+            sums.duration_s += is.dt_s;
+        }
+        if self.has_ground {
+            seen = self.watch_ground(now, is, time_s);
+        }
+        if is.throttle && !now.lit {
+            let since = *self.throttle_since_s.get_or_insert(time_s);
+            if time_s - since >= NO_IGNITION_S && self.liftoff_s.is_none() {
+                self.end(Outcome::NoIgnition);
+            }
+        } else {
+            self.throttle_since_s = None;
+        }
+        if is.mission_s.is_some_and(|mission_s| mission_s >= self.timeout_s) {
+            self.end(Outcome::Timeout);
+        }
+        seen
+    }
+
+    fn watch_ground(&mut self, now: &Snapshot, is: &Circumstances, time_s: f64) -> Seen {
+        let mut seen = Seen::default();
+        let on_ground = now.pads_down > 0 || now.hull_contact;
+        if self.liftoff_s.is_none() && !on_ground {
+            self.liftoff_s = Some(time_s);
+            seen.liftoff = true;
+        }
+        self.airborne |= self.liftoff_s.is_some() && now.height_m > AIRBORNE_M;
+        if self.airborne && on_ground && self.touchdown.is_none() {
+            let v = now.com_velocity_ned_m_s;
+            let off = now.position_ned_m - self.target_ned_m;
+            self.touchdown_ned_m = Some(now.position_ned_m);
+            self.touchdown = Some(Touchdown {
+                time_s,
+                vertical_speed_m_s: v.z,
+                lateral_speed_m_s: libm::hypot(v.x, v.y),
+                tilt_deg: now.tilt_rad().to_degrees(),
+                position_error_m: libm::hypot(off.x, off.y),
+                control_error_m: None,
+                navigation_error_m: None,
+            });
+            seen.touchdown = true;
+        }
+        if now.hull_contact || now.leg_deflection_m > self.stroke_m {
+            self.end(Outcome::Crashed);
+        }
+        if on_ground && now.tilt_rad() > TIPPED_TILT_RAD {
+            self.end(Outcome::Tipped);
+        }
+        let Some(contact) = self.touchdown else { return seen };
+        let resting = now.pads_down >= REST_PADS
+            && now.com_velocity_ned_m_s.norm() < REST_SPEED_M_S
+            && now.tilt_rad() < REST_TILT_RAD
+            && now.thrust_n == 0.0;
+        let rested_s = if resting { time_s - *self.rest_since_s.get_or_insert(time_s) } else { 0.0 };
+        if !resting {
+            self.rest_since_s = None;
+        }
+        if rested_s >= REST_S && !is.armed {
+            self.end(Outcome::Landed);
+        }
+        if time_s - contact.time_s >= AFTER_CONTACT_S {
+            self.end(if rested_s >= REST_S { Outcome::Landed } else { Outcome::Timeout });
+        }
+        seen
+    }
+}

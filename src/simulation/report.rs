@@ -1,0 +1,310 @@
+//! What a run leaves behind: the object that `--json` prints.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::{Expect, Outcome};
+
+/// One run, as reported. Keys are a contract.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed in force.
+    pub seed: u32,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Who flew, in order.
+    pub flown_by: Vec<FlownBy>,
+    /// What was expected, and what came.
+    pub expect: Verdict,
+    /// First pad contact after lift-off.
+    pub touchdown: Option<Touchdown>,
+    /// Highest the pivot rose above its rest height [m].
+    pub max_altitude_m: f64,
+    /// The hover phase of the mission.
+    pub hover: Option<Hover>,
+    /// Fluids and fuel.
+    pub propellant: Propellant,
+    /// Mass book-keeping.
+    pub mass: MassBalance,
+    /// Simulated and wall time.
+    pub timing: Timing,
+    /// The link, in `hil`.
+    pub link: Option<LinkReport>,
+    /// What happened.
+    pub events: Vec<Event>,
+    /// Hash over the states of the run: equal bits, equal hash.
+    pub state_hash: String,
+    /// Folder of the run, if one was written.
+    pub run: Option<String>,
+    /// Values that replaced those of the files, `KEY=VALUE`.
+    pub overrides: Vec<String>,
+}
+
+/// Who commands the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// A flight controller on the link.
+    Fc,
+    /// The built-in autopilot.
+    Autopilot,
+    /// An open-loop schedule.
+    Commands,
+}
+
+/// A span of the run in one hand.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FlownBy {
+    /// Whose.
+    pub source: Source,
+    /// From this run time [s].
+    pub from_s: f64,
+    /// To this run time [s].
+    pub to_s: f64,
+}
+
+/// Expectations against results.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Verdict {
+    /// Every item passed.
+    pub passed: bool,
+    /// One entry per expectation.
+    pub items: Vec<Item>,
+}
+
+/// One expectation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Item {
+    /// Key in `[expect]`.
+    pub name: String,
+    /// What came; null when it did not happen.
+    pub value: serde_json::Value,
+    /// What was allowed.
+    pub limit: serde_json::Value,
+    /// Whether it is within.
+    pub passed: bool,
+}
+
+/// First pad contact after lift-off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Touchdown {
+    /// Run time [s].
+    pub time_s: f64,
+    /// Downward speed of the centre of mass [m/s].
+    pub vertical_speed_m_s: f64,
+    /// Horizontal speed of the centre of mass [m/s].
+    pub lateral_speed_m_s: f64,
+    /// Tilt of the long axis [deg].
+    pub tilt_deg: f64,
+    /// Horizontal distance of the true pivot from the target [m].
+    pub position_error_m: f64,
+    /// Horizontal distance of the flying autopilot's estimate from the target [m].
+    pub control_error_m: Option<f64>,
+    /// Horizontal distance of that estimate from the truth [m].
+    pub navigation_error_m: Option<f64>,
+}
+
+/// The hover phase.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hover {
+    /// Length [s].
+    pub duration_s: f64,
+    /// Root mean square of true height against the reference [m].
+    pub altitude_rms_m: f64,
+    /// Root mean square of true horizontal distance from the reference [m].
+    pub lateral_rms_m: f64,
+}
+
+/// Fluids and fuel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Propellant {
+    /// Nitrous oxide used [kg].
+    pub nitrous_used_kg: f64,
+    /// Nitrous oxide left [kg].
+    pub nitrous_left_kg: f64,
+    /// Fuel used [kg].
+    pub fuel_used_kg: f64,
+    /// Fuel left [kg].
+    pub fuel_left_kg: f64,
+    /// Nitrogen through the thrusters [kg].
+    pub nitrogen_rcs_kg: f64,
+    /// Nitrogen through the vent [kg].
+    pub nitrogen_vented_kg: f64,
+}
+
+/// Mass book-keeping.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MassBalance {
+    /// At step 0 [kg].
+    pub initial_kg: f64,
+    /// At the end [kg].
+    pub final_kg: f64,
+    /// Initial less final less everything that left through nozzle, thrusters and vent [kg].
+    pub closure_error_kg: f64,
+}
+
+/// Simulated and wall time.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Timing {
+    /// Simulated time [s].
+    pub simulated_s: f64,
+    /// Wall time [s].
+    pub wall_s: f64,
+    /// Simulated over wall.
+    pub realtime_factor: f64,
+    /// Plant steps.
+    pub steps: u64,
+    /// Deadlines missed by more than a step.
+    pub overruns: u64,
+    /// Cost of a step [us].
+    pub step_us: Option<Percentiles>,
+    /// Wake-up after the deadline [us].
+    pub lateness_us: Option<TailPercentiles>,
+    /// Sensor frame out to the actuator frame that answers it [us].
+    pub round_trip_us: Option<Percentiles>,
+}
+
+/// Median and tail of a distribution.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 99 %.
+    pub p99: f64,
+    /// Greatest.
+    pub max: f64,
+}
+
+/// Median and longer tail of a distribution.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TailPercentiles {
+    /// Median.
+    pub p50: f64,
+    /// 99 %.
+    pub p99: f64,
+    /// 99.9 %.
+    pub p999: f64,
+    /// Greatest.
+    pub max: f64,
+}
+
+/// The link's counters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LinkReport {
+    /// Frames sent.
+    pub sent: u64,
+    /// Frames received whole.
+    pub received: u64,
+    /// Frames with a wrong checksum.
+    pub crc_errors: u64,
+    /// Frames missing by their sequence numbers.
+    pub lost: u64,
+    /// Waits for a reply that ran into their limit.
+    pub stalls: u64,
+    /// Share of the wire used outward; null where the wire has no rate [%].
+    pub wire_load_percent: Option<f64>,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// Run time [s].
+    pub time_s: f64,
+    /// Name, from a closed list in the manual.
+    pub name: String,
+    /// Numbers and reasons.
+    pub detail: String,
+}
+
+impl Report {
+    /// Judges the report by `[expect]`. `fc_must_fly`: an outside flight controller was attached and
+    /// no fallback is expected, so anybody else's flight fails.
+    pub fn judge(&mut self, expect: &Expect, flight_time_s: Option<f64>, fc_must_fly: bool) {
+        let mut items = Vec::new();
+        let mut at_most = |name: &str, value: Option<f64>, limit: Option<f64>| {
+            if let Some(limit) = limit {
+                items.push(Item {
+                    name: name.to_owned(),
+                    value: value.into(),
+                    limit: limit.into(),
+                    passed: value.is_some_and(|value| value <= limit),
+                });
+            }
+        };
+        let touchdown = self.touchdown;
+        let of = |f: fn(Touchdown) -> f64| touchdown.map(f);
+        at_most(
+            "touchdown_vertical_speed_max_m_s",
+            of(|t| t.vertical_speed_m_s),
+            expect.touchdown_vertical_speed_max_m_s,
+        );
+        at_most(
+            "touchdown_lateral_speed_max_m_s",
+            of(|t| t.lateral_speed_m_s),
+            expect.touchdown_lateral_speed_max_m_s,
+        );
+        at_most("touchdown_tilt_max_deg", of(|t| t.tilt_deg), expect.touchdown_tilt_max_deg);
+        // Where an outside controller flew there is no estimate to judge.
+        let outside = self.flown_by.iter().any(|span| span.source == Source::Fc)
+            && touchdown.is_some_and(|t| t.control_error_m.is_none());
+        if !outside {
+            at_most(
+                "control_error_max_m",
+                touchdown.and_then(|t| t.control_error_m),
+                expect.control_error_max_m,
+            );
+        }
+        at_most("position_error_max_m", of(|t| t.position_error_m), expect.position_error_max_m);
+        at_most("flight_time_max_s", flight_time_s, expect.flight_time_max_s);
+        at_most(
+            "mass_closure_max",
+            Some(self.mass.closure_error_kg.abs() / self.mass.initial_kg),
+            expect.mass_closure_max,
+        );
+        let mut at_least = |name: &str, value: f64, limit: Option<f64>| {
+            if let Some(limit) = limit {
+                items.push(Item {
+                    name: name.to_owned(),
+                    value: value.into(),
+                    limit: limit.into(),
+                    passed: value >= limit,
+                });
+            }
+        };
+        let p = self.propellant;
+        let share = |left: f64, used: f64| if left + used > 0.0 { left / (left + used) } else { 0.0 };
+        at_least(
+            "fuel_left_min_fraction",
+            share(p.fuel_left_kg, p.fuel_used_kg),
+            expect.fuel_left_min_fraction,
+        );
+        at_least(
+            "nitrous_left_min_fraction",
+            share(p.nitrous_left_kg, p.nitrous_used_kg),
+            expect.nitrous_left_min_fraction,
+        );
+        at_least("max_altitude_min_m", self.max_altitude_m, expect.max_altitude_min_m);
+        if let Some(outcome) = expect.outcome {
+            items.insert(
+                0,
+                Item {
+                    name: "outcome".to_owned(),
+                    value: serde_json::json!(self.outcome),
+                    limit: serde_json::json!(outcome),
+                    passed: self.outcome == outcome,
+                },
+            );
+        }
+        if fc_must_fly {
+            let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
+            items.push(Item {
+                name: "flown_by".to_owned(),
+                value: serde_json::json!(self.flown_by.iter().map(|f| f.source).collect::<Vec<_>>()),
+                limit: serde_json::json!([Source::Fc]),
+                passed: alone,
+            });
+        }
+        self.expect = Verdict { passed: items.iter().all(|item| item.passed), items };
+    }
+}
