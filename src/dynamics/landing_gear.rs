@@ -1,0 +1,317 @@
+//! Legs on flat ground: vertical spring and damper, stick and slip, hold-down clamps.
+//!
+//! Each leg ends in a pad, a point fixed in the body when unloaded. Below the ground it is pushed up by
+//! `N = k δ + k_b max(0, δ - stroke) + c δ'`, never pulled down, and held sideways by a spring and damper
+//! to its anchor, the place where it touched down, up to the Coulomb cone `μ N`. An anchor is memory:
+//! fixed within a step, so that the force is a pure function, and moved between steps
+//! ([`LandingGear::anchors_after`]): set at touchdown, dragged along when the spring would leave the cone,
+//! dropped at lift-off.
+//!
+//! *Hold-down* grips the pads instead of adding a constraint ([`Grip::Held`]): the clamp pulls a foot down
+//! exactly as hard as its leg would lift it, so leg springs work in tension too and feet do not slip. The
+//! vehicle then rises by its elastic stretch alone (net lift over leg stiffness), and what the clamps
+//! carry is an output. The plant passes `Grip::Held` until `[hold_down] release_time_s` after the command
+//! and `Grip::Free` from the next step on. A vehicle bolted to a test stand is
+//! [`super::rigid_body::clamped`].
+//!
+//! Source: penalty contact with anchored friction, as usual in multi-body codes (Flores and Lankarani,
+//! Contact Force Models for Multibody Dynamics, 2016). Valid for flat level ground and small leg travel;
+//! legs have no mass and pads no size.
+
+use super::Load;
+use crate::frame::{Mat3, Vec3};
+use core::f64::consts::TAU;
+use nalgebra::Vector2;
+
+/// Most legs a vehicle can have.
+pub const MAX_LEGS: usize = 8;
+
+/// Legs, the `[landing_gear]` table of a vehicle file.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LandingGear {
+    /// Legs, the first on structural +x, evenly spaced.
+    #[schemars(range(min = 3, max = 8))]
+    pub leg_count: u32,
+    /// Distance of the pads from the long axis [m].
+    #[schemars(range(min = 0.05, max = 20.0))]
+    pub pad_radius_m: f64,
+    /// Height of the unloaded pads above the gimbal pivot [m], usually negative.
+    #[schemars(range(min = -20.0, max = 20.0))]
+    pub pad_z_m: f64,
+    /// Vertical stiffness of a leg [N/m].
+    #[schemars(range(min = 100.0, max = 1e6))]
+    pub stiffness_n_m: f64,
+    /// Vertical damping of a leg [N s/m].
+    #[schemars(range(min = 0.0, max = 1e4))]
+    pub damping_n_s_m: f64,
+    /// Travel of a leg before it bottoms [m].
+    #[schemars(range(min = 0.001, max = 5.0))]
+    pub stroke_m: f64,
+    /// Further stiffness beyond the stroke [N/m].
+    #[schemars(range(min = 0.0, max = 2e6))]
+    pub bottom_stiffness_n_m: f64,
+    /// Coulomb friction coefficient of a pad.
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub friction_coefficient: f64,
+    /// Horizontal stiffness of a leg while its pad sticks [N/m].
+    #[schemars(range(min = 100.0, max = 1e6))]
+    pub stick_stiffness_n_m: f64,
+    /// Horizontal damping of a leg [N s/m].
+    #[schemars(range(min = 0.0, max = 1e4))]
+    pub stick_damping_n_s_m: f64,
+}
+
+/// Hold-down, the `[hold_down]` table of a vehicle file.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HoldDown {
+    /// Time from the command until the feet are free [s].
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub release_time_s: f64,
+}
+
+/// Whether hold-down clamps have the feet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grip {
+    /// Clamped: a foot that is on the ground neither lifts nor slips.
+    Held,
+    /// Released: ground pushes and rubs.
+    Free,
+}
+
+/// Where the vehicle is and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Position of the gimbal pivot [m].
+    pub position_ned_m: Vec3,
+    /// Its velocity [m/s].
+    pub velocity_ned_m_s: Vec3,
+    /// Body axes to NED.
+    pub ned_from_body: Mat3,
+    /// Body rate [rad/s].
+    pub rate_body_rad_s: Vec3,
+}
+
+impl Motion {
+    /// Place of a body point in NED [m].
+    pub fn point_ned_m(&self, position_body_m: Vec3) -> Vec3 {
+        self.position_ned_m + self.ned_from_body * position_body_m
+    }
+
+    /// Velocity of a body point in NED [m/s].
+    pub fn point_velocity_ned_m_s(&self, position_body_m: Vec3) -> Vec3 {
+        self.velocity_ned_m_s + self.ned_from_body * self.rate_body_rad_s.cross(&position_body_m)
+    }
+}
+
+/// North and east of the place where each pad stands; `None`: in the air at the last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Anchors {
+    /// One entry per leg, in their order.
+    pub pad_ned_m: [Option<Vector2<f64>>; MAX_LEGS],
+}
+
+impl Anchors {
+    /// Pads that stand.
+    pub fn count(&self) -> usize {
+        self.pad_ned_m.iter().flatten().count()
+    }
+}
+
+/// What the ground does to the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// All legs together, about O, body FRD.
+    pub load: Load,
+    /// Force of the ground on each pad [N], NED: the third component is negative when it pushes up.
+    pub pad_force_ned_n: [Vec3; MAX_LEGS],
+    /// Pads at or below the ground.
+    pub pads_down: usize,
+    /// What the hold-down clamps carry, pulling down [N].
+    pub hold_down_n: f64,
+}
+
+impl Contact {
+    /// In the air.
+    pub const NONE: Self = Self {
+        load: Load::NONE,
+        pad_force_ned_n: [Vec3::new(0.0, 0.0, 0.0); MAX_LEGS],
+        pads_down: 0,
+        hold_down_n: 0.0,
+    };
+}
+
+impl LandingGear {
+    /// Number of legs, not above [`MAX_LEGS`].
+    pub fn legs(&self) -> usize {
+        (self.leg_count as usize).min(MAX_LEGS)
+    }
+
+    /// Unloaded pad of a leg, body FRD [m].
+    pub fn pad_body_m(&self, leg: usize) -> Vec3 {
+        let (sine, cosine) = libm::sincos(TAU * leg as f64 / self.legs().max(1) as f64);
+        // Structural (r cos, r sin, z) in FRD.
+        Vec3::new(self.pad_radius_m * cosine, -self.pad_radius_m * sine, -self.pad_z_m)
+    }
+
+    /// Every unloaded pad, body FRD [m]; unused entries are zero. Compute once and keep.
+    pub fn pads_body_m(&self) -> [Vec3; MAX_LEGS] {
+        let mut pads = [Vec3::zeros(); MAX_LEGS];
+        for (leg, pad) in pads.iter_mut().enumerate().take(self.legs()) {
+            *pad = self.pad_body_m(leg);
+        }
+        pads
+    }
+
+    /// Ground forces. `ground_down_m` is the ground's NED z, 0 at the pad surface. Pure: the anchors stay
+    /// as they are during a step.
+    pub fn contact(
+        &self,
+        pads_body_m: &[Vec3; MAX_LEGS],
+        motion: &Motion,
+        ground_down_m: f64,
+        anchors: &Anchors,
+        grip: Grip,
+    ) -> Contact {
+        let mut contact = Contact::NONE;
+        if self.clear_of_ground(motion, ground_down_m) && (grip == Grip::Free || anchors.count() == 0) {
+            return contact;
+        }
+        let body_from_ned = motion.ned_from_body.transpose();
+        for leg in 0..self.legs() {
+            let pad = pads_body_m[leg];
+            let place = motion.point_ned_m(pad);
+            let anchor = anchors.pad_ned_m[leg];
+            let depth_m = place.z - ground_down_m;
+            let held = grip == Grip::Held && anchor.is_some();
+            if depth_m <= 0.0 && !held {
+                continue;
+            }
+            let velocity = motion.point_velocity_ned_m_s(pad);
+            let mut up_n = self.leg_force_n(depth_m, velocity.z);
+            if held {
+                contact.hold_down_n += (-up_n).max(0.0);
+            } else {
+                up_n = up_n.max(0.0);
+            }
+            let mut sideways = velocity.xy() * -self.stick_damping_n_s_m;
+            if let Some(anchor) = anchor {
+                sideways -= (place.xy() - anchor) * self.stick_stiffness_n_m;
+            }
+            if !held {
+                sideways = within(sideways, self.friction_coefficient * up_n);
+            }
+            let force_ned = Vec3::new(sideways.x, sideways.y, -up_n);
+            contact.pad_force_ned_n[leg] = force_ned;
+            contact.pads_down += 1;
+            contact.load += Load::at(pad, body_from_ned * force_ned);
+        }
+        contact
+    }
+
+    /// Anchors for the next step.
+    pub fn anchors_after(
+        &self,
+        pads_body_m: &[Vec3; MAX_LEGS],
+        motion: &Motion,
+        ground_down_m: f64,
+        anchors: &Anchors,
+        grip: Grip,
+    ) -> Anchors {
+        let mut next = Anchors::default();
+        if self.clear_of_ground(motion, ground_down_m) && (grip == Grip::Free || anchors.count() == 0) {
+            return next;
+        }
+        for leg in 0..self.legs() {
+            let place = motion.point_ned_m(pads_body_m[leg]);
+            let depth_m = place.z - ground_down_m;
+            let anchor = anchors.pad_ned_m[leg];
+            next.pad_ned_m[leg] = match (anchor, grip) {
+                (Some(anchor), Grip::Held) => Some(anchor),
+                _ if depth_m <= 0.0 => None,
+                (None, _) => Some(place.xy()),
+                (Some(anchor), Grip::Free) => {
+                    // The spring alone may reach the cone's edge, so a pad that stops slipping sticks there.
+                    let down_m_s = motion.point_velocity_ned_m_s(pads_body_m[leg]).z;
+                    let limit_n = self.friction_coefficient * self.leg_force_n(depth_m, down_m_s).max(0.0);
+                    let stretch = within(place.xy() - anchor, limit_n / self.stick_stiffness_n_m);
+                    Some(place.xy() - stretch)
+                }
+            };
+        }
+        next
+    }
+
+    /// Height of the gimbal pivot above the ground, at rest and upright under a weight [N] [m].
+    pub fn rest_height_m(&self, weight_n: f64) -> f64 {
+        let per_leg_n = weight_n / self.legs().max(1) as f64;
+        let soft_m = per_leg_n / self.stiffness_n_m;
+        let deflection_m = if soft_m <= self.stroke_m {
+            soft_m
+        } else {
+            // k d + k_b (d - stroke) = N
+            (per_leg_n + self.bottom_stiffness_n_m * self.stroke_m)
+                / (self.stiffness_n_m + self.bottom_stiffness_n_m)
+        };
+        -self.pad_z_m - deflection_m
+    }
+
+    /// Energy in the leg springs, vertical and sideways [J], for audits.
+    pub fn spring_energy_j(
+        &self,
+        pads_body_m: &[Vec3; MAX_LEGS],
+        motion: &Motion,
+        ground_down_m: f64,
+        anchors: &Anchors,
+    ) -> f64 {
+        let mut energy_j = 0.0;
+        for leg in 0..self.legs() {
+            let place = motion.point_ned_m(pads_body_m[leg]);
+            let depth_m = (place.z - ground_down_m).max(0.0);
+            let beyond_m = (depth_m - self.stroke_m).max(0.0);
+            energy_j += 0.5 * self.stiffness_n_m * depth_m * depth_m
+                + 0.5 * self.bottom_stiffness_n_m * beyond_m * beyond_m;
+            if let Some(anchor) = anchors.pad_ned_m[leg] {
+                energy_j += 0.5 * self.stick_stiffness_n_m * (place.xy() - anchor).norm_squared();
+            }
+        }
+        energy_j
+    }
+
+    /// Vertical force of a leg at a depth [m] that grows at a speed [m/s], negative in tension [N].
+    fn leg_force_n(&self, depth_m: f64, down_m_s: f64) -> f64 {
+        self.stiffness_n_m * depth_m
+            + self.bottom_stiffness_n_m * (depth_m - self.stroke_m).max(0.0)
+            + self.damping_n_s_m * down_m_s
+    }
+
+    /// Whether no pad can reach the ground at any attitude: the quick way out in flight.
+    fn clear_of_ground(&self, motion: &Motion, ground_down_m: f64) -> bool {
+        let height_m = ground_down_m - motion.position_ned_m.z;
+        height_m > self.pad_radius_m + self.pad_z_m.abs()
+    }
+}
+
+/// The deepest of some body points that are below the ground: its index and depth [m]. A nozzle exit or a
+/// nose there means a crash.
+pub fn deepest_below_ground(
+    points_body_m: &[Vec3],
+    motion: &Motion,
+    ground_down_m: f64,
+) -> Option<(usize, f64)> {
+    let mut deepest = None;
+    for (index, point) in points_body_m.iter().enumerate() {
+        let depth_m = motion.point_ned_m(*point).z - ground_down_m;
+        if depth_m > deepest.map_or(0.0, |(_, depth)| depth) {
+            deepest = Some((index, depth_m));
+        }
+    }
+    deepest
+}
+
+/// The vector, shortened to a length if it is longer.
+fn within(v: Vector2<f64>, length: f64) -> Vector2<f64> {
+    let norm = v.norm();
+    if norm > length { v * (length / norm) } else { v }
+}

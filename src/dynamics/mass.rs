@@ -1,0 +1,456 @@
+//! Mass, first moment and inertia of the vehicle from what is in it, and how fast they change.
+//!
+//! Dry components are summed once. On top of them stand, all on the long axis: the liquid as a solid
+//! column on the tank floor, the pressurant above it as a gas column up to the tank top, the stored
+//! nitrogen as a cylinder, and the grain as a cylinder with N ports. Rates follow from the flow rates by
+//! the chain rule, at constant liquid density; the outflows turn them into the momentum of the internal
+//! flow P and the jet-damping tensor J of the equations of motion ([`super::rigid_body`]).
+//!
+//! Everything is about the gimbal pivot O in body FRD, inertia in the tensor convention, engine at zero
+//! gimbal. Source: textbook solids; P and J from the momentum theorem for a body with steady internal
+//! flow (Thomson, Introduction to Space Dynamics, 1961, chapter 7).
+
+use crate::frame::{Mat3, Vec3, point_inertia};
+use core::f64::consts::PI;
+
+/// A dry part, one `[[component]]` of a vehicle file.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Component {
+    /// Name of the part.
+    pub name: String,
+    /// Mass [kg].
+    #[schemars(range(min = 0.0, max = 10000.0))]
+    pub mass_kg: f64,
+    /// Centre of mass from the gimbal pivot [m]: structural in the file, body FRD once the vehicle is read.
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
+    pub position_m: [f64; 3],
+    /// Inertia about the part's own centre of mass [kg m²], tensor convention, symmetric: structural
+    /// axes in the file, body FRD once the vehicle is read.
+    pub inertia_kg_m2: [[f64; 3]; 3],
+    /// Whether the part turns with the gimbal.
+    #[serde(default)]
+    pub swings: bool,
+}
+
+impl Component {
+    /// The part alone, about O.
+    pub fn properties(&self) -> MassProperties {
+        let position = Vec3::from(self.position_m);
+        let own = Mat3::from_fn(|row, column| self.inertia_kg_m2[row][column]);
+        MassProperties {
+            mass_kg: self.mass_kg,
+            first_moment_kg_m: position * self.mass_kg,
+            inertia_kg_m2: own + point_inertia(position) * self.mass_kg,
+        }
+    }
+
+    /// Inertia that a real body can have: symmetric, and no principal moment above the sum of the others.
+    pub fn validate(&self) -> Result<(), crate::input::Invalid> {
+        let i = &self.inertia_kg_m2;
+        let (a, b, c) = (i[0][0], i[1][1], i[2][2]);
+        if i[0][1] != i[1][0] || i[0][2] != i[2][0] || i[1][2] != i[2][1] {
+            return Err(crate::input::Invalid::new("inertia_kg_m2", format!("{}: not symmetric", self.name)));
+        }
+        let slack = 1e-9 * (a + b + c);
+        if a < 0.0 || b < 0.0 || c < 0.0 || a > b + c + slack || b > a + c + slack || c > a + b + slack {
+            return Err(crate::input::Invalid::new(
+                "inertia_kg_m2",
+                format!("{}: diagonal {a}, {b}, {c}: each must be at most the sum of the others", self.name),
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Inner cylinder of the run tank, standing on the long axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TankGeometry {
+    /// Inner radius [m].
+    pub radius_m: f64,
+    /// Inner length [m].
+    pub length_m: f64,
+    /// Height of the floor above the gimbal pivot [m].
+    pub floor_z_m: f64,
+}
+
+/// Stored pressurant as a uniform cylinder on the long axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BottleGeometry {
+    /// Radius [m].
+    pub radius_m: f64,
+    /// Volume [m³]; the length follows.
+    pub volume_m3: f64,
+    /// Height of the centre above the gimbal pivot [m].
+    pub centre_z_m: f64,
+}
+
+/// Fuel grain: a cylinder with N equal straight ports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GrainGeometry {
+    /// Ports; 1 is central, 2 lie along body x, more are evenly spaced on a circle.
+    pub port_count: u32,
+    /// Radius of the circle of port axes [m]; 0 for one port.
+    pub port_circle_radius_m: f64,
+    /// Outer radius [m].
+    pub outer_radius_m: f64,
+    /// Length [m].
+    pub length_m: f64,
+    /// Height of the fore end above the gimbal pivot [m], usually negative.
+    pub top_z_m: f64,
+    /// Fuel density [kg/m³].
+    pub fuel_density_kg_m3: f64,
+}
+
+impl GrainGeometry {
+    /// Fuel left at a port radius [kg], never negative.
+    pub fn mass_kg(&self, port_radius_m: f64) -> f64 {
+        let n = f64::from(self.port_count);
+        let area_m2 = PI * (self.outer_radius_m * self.outer_radius_m - n * port_radius_m * port_radius_m);
+        self.fuel_density_kg_m3 * self.length_m * area_m2.max(0.0)
+    }
+
+    /// The grain at a port radius [m] that grows at a rate [m/s].
+    fn solid(&self, r: f64, r_dot: f64) -> Axial {
+        let n = f64::from(self.port_count);
+        let (ro2, r2) = (self.outer_radius_m * self.outer_radius_m, r * r);
+        if ro2 <= n * r2 {
+            return Axial::default();
+        }
+        let column = self.fuel_density_kg_m3 * self.length_m * PI; // [kg/m²]
+        let b2 = self.port_circle_radius_m * self.port_circle_radius_m;
+        // Sums of the squared port-axis coordinates, for the parallel-axis share of each port.
+        let (sum_x2, sum_y2) = match self.port_count {
+            0 | 1 => (0.0, 0.0),
+            2 => (2.0 * b2, 0.0),
+            _ => (0.5 * n * b2, 0.5 * n * b2),
+        };
+        let z = -(self.top_z_m - 0.5 * self.length_m);
+        let shape = self.length_m * self.length_m / 12.0 + z * z; // [m²]
+        let mass = column * (ro2 - n * r2);
+        let mass_dot = -2.0 * column * n * r * r_dot;
+        // Second moments of area of disc less ports: π (Ro⁴ - N R⁴)/4 about a diameter, twice that about
+        // the axis; a port off the axis takes π R² d² more.
+        let disc = 0.25 * column * (ro2 * ro2 - n * r2 * r2);
+        let disc_dot = -column * n * r2 * r * r_dot;
+        let (port, port_dot) = (column * r2, 2.0 * column * r * r_dot);
+        Axial {
+            mass,
+            mass_dot,
+            moment: mass * z,
+            moment_dot: mass_dot * z,
+            xx: disc - port * sum_y2 + mass * shape,
+            xx_dot: disc_dot - port_dot * sum_y2 + mass_dot * shape,
+            yy: disc - port * sum_x2 + mass * shape,
+            yy_dot: disc_dot - port_dot * sum_x2 + mass_dot * shape,
+            zz: 2.0 * disc - port * (sum_x2 + sum_y2),
+            zz_dot: 2.0 * disc_dot - port_dot * (sum_x2 + sum_y2),
+        }
+    }
+}
+
+/// What is in the vehicle at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contents {
+    /// Liquid nitrous oxide [kg].
+    pub nitrous_kg: f64,
+    /// Its density [kg/m³].
+    pub nitrous_density_kg_m3: f64,
+    /// Radius of each port [m].
+    pub port_radius_m: f64,
+    /// Pressurant above the liquid [kg].
+    pub nitrogen_run_tank_kg: f64,
+    /// Pressurant in the bottle [kg].
+    pub nitrogen_bottle_kg: f64,
+}
+
+/// Rates of [`Contents`]: negative while something empties.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContentsRate {
+    /// Liquid nitrous oxide [kg/s].
+    pub nitrous_kg_s: f64,
+    /// Growth of the port radius [m/s].
+    pub port_radius_m_s: f64,
+    /// Pressurant above the liquid [kg/s].
+    pub nitrogen_run_tank_kg_s: f64,
+    /// Pressurant in the bottle [kg/s].
+    pub nitrogen_bottle_kg_s: f64,
+}
+
+/// Mass, first moment and inertia of a body about O, body FRD.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassProperties {
+    /// Mass [kg].
+    pub mass_kg: f64,
+    /// Mass times centre of mass [kg m].
+    pub first_moment_kg_m: Vec3,
+    /// Inertia about O [kg m²].
+    pub inertia_kg_m2: Mat3,
+}
+
+impl MassProperties {
+    /// No mass.
+    pub fn none() -> Self {
+        Self { mass_kg: 0.0, first_moment_kg_m: Vec3::zeros(), inertia_kg_m2: Mat3::zeros() }
+    }
+
+    /// Centre of mass [m]; O for a body without mass.
+    pub fn centre_of_mass_body_m(&self) -> Vec3 {
+        if self.mass_kg > 0.0 { self.first_moment_kg_m / self.mass_kg } else { Vec3::zeros() }
+    }
+
+    /// Inertia about the centre of mass [kg m²].
+    pub fn inertia_about_com_kg_m2(&self) -> Mat3 {
+        self.inertia_kg_m2 - point_inertia(self.centre_of_mass_body_m()) * self.mass_kg
+    }
+
+    /// The same body with a point mass carried from one place to another: the liquid's sloshing share.
+    #[must_use]
+    pub fn with_moved_mass(&self, mass_kg: f64, from_body_m: Vec3, to_body_m: Vec3) -> Self {
+        Self {
+            mass_kg: self.mass_kg,
+            first_moment_kg_m: self.first_moment_kg_m + (to_body_m - from_body_m) * mass_kg,
+            inertia_kg_m2: self.inertia_kg_m2
+                + (point_inertia(to_body_m) - point_inertia(from_body_m)) * mass_kg,
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.mass_kg += other.mass_kg;
+        self.first_moment_kg_m += other.first_moment_kg_m;
+        self.inertia_kg_m2 += other.inertia_kg_m2;
+    }
+
+    fn add_axial(&mut self, part: &Axial) {
+        self.mass_kg += part.mass;
+        self.first_moment_kg_m.z += part.moment;
+        self.inertia_kg_m2[(0, 0)] += part.xx;
+        self.inertia_kg_m2[(1, 1)] += part.yy;
+        self.inertia_kg_m2[(2, 2)] += part.zz;
+    }
+}
+
+/// Rates of [`MassProperties`] in the body frame. What moves stays on the long axis, so the first moment
+/// changes along z and the inertia in its diagonal.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MassRate {
+    /// Mass [kg/s].
+    pub mass_kg_s: f64,
+    /// First moment along body z [kg m/s].
+    pub first_moment_z_kg_m_s: f64,
+    /// Diagonal of the inertia about O [kg m²/s].
+    pub inertia_diagonal_kg_m2_s: Vec3,
+}
+
+/// Mass that leaves the vehicle at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outflow {
+    /// Where it leaves, body FRD [m].
+    pub position_body_m: Vec3,
+    /// How much, positive outward [kg/s].
+    pub mass_flow_kg_s: f64,
+}
+
+/// What the moving contents add to the equations of motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowTerms {
+    /// Momentum of the internal flow, `P = dS/dt + Σ ṁ_k r_k` [kg m/s].
+    pub momentum_body_kg_m_s: Vec3,
+    /// Jet damping, `J = dI/dt + Σ ṁ_k (r_k·r_k E - r_k r_kᵀ)` [kg m²/s].
+    pub jet_damping_kg_m2_s: Mat3,
+}
+
+impl FlowTerms {
+    /// Nothing flows.
+    pub fn none() -> Self {
+        Self { momentum_body_kg_m_s: Vec3::zeros(), jet_damping_kg_m2_s: Mat3::zeros() }
+    }
+
+    /// From the rates in the body and what leaves it: nozzle exit, thrusters, vent.
+    pub fn new(rate: &MassRate, outflows: &[Outflow]) -> Self {
+        let mut momentum = Vec3::new(0.0, 0.0, rate.first_moment_z_kg_m_s);
+        let mut damping = Mat3::from_diagonal(&rate.inertia_diagonal_kg_m2_s);
+        for outflow in outflows.iter().filter(|outflow| outflow.mass_flow_kg_s != 0.0) {
+            momentum += outflow.position_body_m * outflow.mass_flow_kg_s;
+            damping += point_inertia(outflow.position_body_m) * outflow.mass_flow_kg_s;
+        }
+        Self { momentum_body_kg_m_s: momentum, jet_damping_kg_m2_s: damping }
+    }
+}
+
+/// Everything that [`MassModel::evaluate`] finds at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassState {
+    /// The whole vehicle, liquid frozen, engine at zero gimbal.
+    pub vehicle: MassProperties,
+    /// The part that turns with the gimbal: swinging components and the grain, at zero gimbal.
+    pub swinging: MassProperties,
+    /// How fast `vehicle` changes.
+    pub rate: MassRate,
+}
+
+/// Mass model of a vehicle: dry sums and the shapes of what it holds.
+#[derive(Clone, Debug)]
+pub struct MassModel {
+    dry: MassProperties,
+    dry_swinging: MassProperties,
+    tank: TankGeometry,
+    bottle: BottleGeometry,
+    grain: GrainGeometry,
+    roll_inertia_factor: f64,
+}
+
+impl MassModel {
+    /// From components in body FRD. `roll_inertia_factor` is the share of the liquid's own inertia about
+    /// the long axis that turns with the tank.
+    pub fn new(
+        components: &[Component],
+        tank: TankGeometry,
+        bottle: BottleGeometry,
+        grain: GrainGeometry,
+        roll_inertia_factor: f64,
+    ) -> Self {
+        let mut dry = MassProperties::none();
+        let mut dry_swinging = MassProperties::none();
+        for component in components {
+            dry.add(&component.properties());
+            if component.swings {
+                dry_swinging.add(&component.properties());
+            }
+        }
+        Self { dry, dry_swinging, tank, bottle, grain, roll_inertia_factor }
+    }
+
+    /// The vehicle without contents.
+    pub fn dry(&self) -> &MassProperties {
+        &self.dry
+    }
+
+    /// The run tank, which the slosh model needs too.
+    pub fn tank(&self) -> &TankGeometry {
+        &self.tank
+    }
+
+    /// Fuel left [kg].
+    pub fn fuel_kg(&self, contents: &Contents) -> f64 {
+        self.grain.mass_kg(contents.port_radius_m)
+    }
+
+    /// Mass properties and their rates. Pure: the integrator calls it once per stage.
+    pub fn evaluate(&self, contents: &Contents, rate: &ContentsRate) -> MassState {
+        let tank = &self.tank;
+        let (height, height_dot) = self.liquid_height(contents, rate);
+        let liquid = Cylinder {
+            mass: contents.nitrous_kg,
+            mass_dot: rate.nitrous_kg_s,
+            radius: tank.radius_m,
+            length: height,
+            length_dot: height_dot,
+            z: -(tank.floor_z_m + 0.5 * height),
+            z_dot: -0.5 * height_dot,
+            roll_factor: self.roll_inertia_factor,
+        };
+        let ullage = Cylinder {
+            mass: contents.nitrogen_run_tank_kg,
+            mass_dot: rate.nitrogen_run_tank_kg_s,
+            radius: tank.radius_m,
+            length: tank.length_m - height,
+            length_dot: -height_dot,
+            z: -(tank.floor_z_m + 0.5 * (tank.length_m + height)),
+            z_dot: -0.5 * height_dot,
+            roll_factor: 1.0,
+        };
+        let bottle = Cylinder {
+            mass: contents.nitrogen_bottle_kg,
+            mass_dot: rate.nitrogen_bottle_kg_s,
+            radius: self.bottle.radius_m,
+            length: self.bottle.volume_m3 / (PI * self.bottle.radius_m * self.bottle.radius_m),
+            length_dot: 0.0,
+            z: -self.bottle.centre_z_m,
+            z_dot: 0.0,
+            roll_factor: 1.0,
+        };
+        let grain = self.grain.solid(contents.port_radius_m, rate.port_radius_m_s);
+
+        let mut swinging = self.dry_swinging;
+        swinging.add_axial(&grain);
+        let mut vehicle = self.dry;
+        let mut total = MassRate::default();
+        for part in [liquid.solid(), ullage.solid(), bottle.solid(), grain] {
+            vehicle.add_axial(&part);
+            total.mass_kg_s += part.mass_dot;
+            total.first_moment_z_kg_m_s += part.moment_dot;
+            total.inertia_diagonal_kg_m2_s += Vec3::new(part.xx_dot, part.yy_dot, part.zz_dot);
+        }
+        MassState { vehicle, swinging, rate: total }
+    }
+
+    /// Height of the liquid column [m] and its rate [m/s]; it stays inside the tank.
+    fn liquid_height(&self, contents: &Contents, rate: &ContentsRate) -> (f64, f64) {
+        let height_per_kg = self.tank.height_per_kg(contents.nitrous_density_kg_m3);
+        let height = contents.nitrous_kg * height_per_kg;
+        if height > self.tank.length_m {
+            (self.tank.length_m, 0.0)
+        } else {
+            (height.max(0.0), rate.nitrous_kg_s * height_per_kg)
+        }
+    }
+}
+
+impl TankGeometry {
+    /// Height of a column of 1 kg of liquid of the given density [m/kg]; 0 where density means nothing.
+    pub fn height_per_kg(&self, density_kg_m3: f64) -> f64 {
+        let per_height = density_kg_m3 * PI * self.radius_m * self.radius_m; // [kg/m]
+        if per_height > 0.0 { 1.0 / per_height } else { 0.0 }
+    }
+}
+
+/// A solid of revolution on the long axis about O, and its rates: `moment` is mass times z.
+#[derive(Clone, Copy, Debug, Default)]
+struct Axial {
+    mass: f64,
+    mass_dot: f64,
+    moment: f64,
+    moment_dot: f64,
+    xx: f64,
+    xx_dot: f64,
+    yy: f64,
+    yy_dot: f64,
+    zz: f64,
+    zz_dot: f64,
+}
+
+/// A uniform cylinder of fixed radius on the long axis whose mass, length and place may change.
+struct Cylinder {
+    mass: f64,
+    mass_dot: f64,
+    radius: f64,
+    length: f64,
+    length_dot: f64,
+    z: f64,
+    z_dot: f64,
+    roll_factor: f64,
+}
+
+impl Cylinder {
+    fn solid(&self) -> Axial {
+        let r2 = self.radius * self.radius;
+        let transverse = (3.0 * r2 + self.length * self.length) / 12.0 + self.z * self.z; // [m²]
+        let transverse_dot = self.length * self.length_dot / 6.0 + 2.0 * self.z * self.z_dot;
+        let xx = self.mass * transverse;
+        let xx_dot = self.mass_dot * transverse + self.mass * transverse_dot;
+        let zz_per_kg = 0.5 * self.roll_factor * r2;
+        Axial {
+            mass: self.mass,
+            mass_dot: self.mass_dot,
+            moment: self.mass * self.z,
+            moment_dot: self.mass_dot * self.z + self.mass * self.z_dot,
+            xx,
+            xx_dot,
+            yy: xx,
+            yy_dot: xx_dot,
+            zz: self.mass * zz_per_kg,
+            zz_dot: self.mass_dot * zz_per_kg,
+        }
+    }
+}

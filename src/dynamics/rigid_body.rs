@@ -1,0 +1,366 @@
+//! Accelerations of a body that loses mass, carries a sloshing liquid and swings its engine.
+//!
+//! Momentum is balanced about the body-fixed pivot O. With A the specific force at O (acceleration less
+//! gravity), S the first moment, I the inertia about O, w the rate, r the sloshing mass's place, P and J
+//! the flow terms of [`super::mass`], all in body FRD, primes taken in the body:
+//!
+//! ```text
+//! m A + w'×S + m_s r'' + w×(w×S) + 2 w×P + 2 m_s w×r'              = F
+//! S×A + I w' + m_s r×r'' + w×(I w) + J w + 2 m_s r×(w×r')          = M
+//! [A + w'×r + w×(w×r) + 2 w×r' + r'']_xy                           = spring, damper and stop per mass
+//! ```
+//!
+//! The swinging engine's angles are prescribed (its servo is a position servo). With W its rate relative
+//! to the body, S_e and I_e its deflected first moment and inertia about O, S and I hold the deflected
+//! engine and
+//!
+//! ```text
+//! F += -(W'×S_e + W×(W×S_e)) - 2 w×(W×S_e)
+//! M += -(I_e W' + W×(I_e W)) - (W~ I_e - I_e W~) w - w×(I_e W)
+//! ```
+//!
+//! The system is symmetric and positive definite. Its last two rows give r'' by themselves; what is left
+//! for A is diagonal; so one 3 x 3 solve for w' remains. Neglected: dP/dt (some newtons during a throttle
+//! step), swirl of the jet, the deflection of the engine in P and J, the exchange of mass between liquid
+//! at rest and sloshing liquid.
+//!
+//! Source: momentum theorem for variable-mass systems (Thomson, Introduction to Space Dynamics, 1961);
+//! checked against Gauss's principle for a cloud of point masses (`tests/reference_motion.rs`).
+
+use super::Load;
+use super::mass::{FlowTerms, MassProperties};
+use super::slosh::{Coupling, Mode, SloshState};
+use crate::frame::{Mat3, Vec3, skew};
+use nalgebra::Vector2;
+
+/// Everything the balance of momentum needs at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Balance<'a> {
+    /// The vehicle, liquid frozen, engine at zero gimbal.
+    pub vehicle: &'a MassProperties,
+    /// What its moving contents add.
+    pub flow: &'a FlowTerms,
+    /// Body rate [rad/s].
+    pub rate_body_rad_s: Vec3,
+    /// Every applied force but gravity, and its moment about O.
+    pub load: Load,
+    /// The sloshing liquid; `None`: frozen.
+    pub slosh: Option<(&'a Mode, &'a SloshState)>,
+    /// The swinging engine; `None`: it has no inertia of its own.
+    pub swing: Option<Swing<'a>>,
+}
+
+/// The part that turns with the gimbal, and its prescribed motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Swing<'a> {
+    /// Its mass properties about O at zero gimbal.
+    pub part: &'a MassProperties,
+    /// Its angles.
+    pub gimbal: GimbalMotion,
+}
+
+/// Gimbal angles, rates and accelerations; x and y as commanded, positive for a positive moment about
+/// body FRD x and y.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GimbalMotion {
+    /// Angles [rad].
+    pub angle_rad: Vector2<f64>,
+    /// Rates [rad/s].
+    pub rate_rad_s: Vector2<f64>,
+    /// Accelerations [rad/s²].
+    pub acceleration_rad_s2: Vector2<f64>,
+}
+
+/// Whether a solve succeeded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolveStatus {
+    /// The accelerations balance the loads.
+    Solved,
+    /// Mass or inertia is not that of a body, or a load is not finite; accelerations are zero.
+    Singular,
+}
+
+/// What the vehicle does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acceleration {
+    /// Specific force at O: its acceleration less gravity, body FRD [m/s²].
+    pub specific_force_body_m_s2: Vec3,
+    /// Angular acceleration, body FRD [rad/s²].
+    pub angular_body_rad_s2: Vec3,
+    /// Second derivative of the slosh displacement, body FRD x and y [m/s²].
+    pub slosh_body_m_s2: Vector2<f64>,
+    /// Force of spring, damper and stop on the vehicle, body FRD x and y [N].
+    pub slosh_force_body_n: Vector2<f64>,
+    /// Whether it is a solution.
+    pub status: SolveStatus,
+}
+
+impl Acceleration {
+    /// Nothing accelerates.
+    const SINGULAR: Self = Self {
+        specific_force_body_m_s2: Vec3::new(0.0, 0.0, 0.0),
+        angular_body_rad_s2: Vec3::new(0.0, 0.0, 0.0),
+        slosh_body_m_s2: Vector2::new(0.0, 0.0),
+        slosh_force_body_n: Vector2::new(0.0, 0.0),
+        status: SolveStatus::Singular,
+    };
+
+    /// Specific force at a point fixed in the body, what an accelerometer there feels [m/s²].
+    pub fn specific_force_at(&self, position_body_m: Vec3, rate_body_rad_s: Vec3) -> Vec3 {
+        self.specific_force_body_m_s2
+            + self.angular_body_rad_s2.cross(&position_body_m)
+            + rate_body_rad_s.cross(&rate_body_rad_s.cross(&position_body_m))
+    }
+}
+
+/// Engine axes to body axes.
+///
+/// The vehicle file turns by `δx = -gimbal_x` about structural x, then by `δy = +gimbal_y` about structural
+/// y. FRD shares the x axis and has the opposite y axis, so in FRD these are turns by `-gimbal_x` about x
+/// and by `-gimbal_y` about y: `E = Ry(-gimbal_y) Rx(-gimbal_x)`.
+pub fn body_from_engine(gimbal_rad: Vector2<f64>) -> Mat3 {
+    let (sx, cx) = libm::sincos(-gimbal_rad.x);
+    let (sy, cy) = libm::sincos(-gimbal_rad.y);
+    Mat3::new(cy, sy * sx, sy * cx, 0.0, cx, -sx, -sy, cy * sx, cy * cx)
+}
+
+/// Direction of the force that the engine exerts on the vehicle, a line through O.
+///
+/// `u = E (0, 0, -1) = (sin gy cos gx, -sin gx, -cos gy cos gx)`. With the centre of mass at (0, 0, -l) the
+/// moment about it is `(0, 0, l) × T u = l T (sin gx, sin gy cos gx, 0)`: positive gimbal_x and gimbal_y
+/// give positive moments about FRD x and y, as commands promise.
+pub fn thrust_direction_body(gimbal_rad: Vector2<f64>) -> Vec3 {
+    let (sx, cx) = libm::sincos(gimbal_rad.x);
+    let (sy, cy) = libm::sincos(gimbal_rad.y);
+    Vec3::new(sy * cx, -sx, -cy * cx)
+}
+
+/// Accelerations of the free vehicle. Pure: the integrator calls it once per stage.
+pub fn accelerations(balance: &Balance) -> Acceleration {
+    match balance.slosh {
+        Some((mode, state)) if mode.coupling == Coupling::OneWay => one_way(balance, mode, state),
+        _ => coupled(balance),
+    }
+}
+
+/// A vehicle that a stand holds still: its accelerations and what the stand exerts on it about O.
+///
+/// `gravity_body_m_s2` is gravity in body axes; the liquid goes on sloshing and the engine swinging.
+pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Load) {
+    let terms = Terms::new(&Balance { rate_body_rad_s: Vec3::zeros(), ..*balance });
+    let specific_force = -gravity_body_m_s2;
+    let mut force = specific_force * terms.body.mass_kg - terms.load.force_body_n;
+    let mut moment = terms.body.first_moment_kg_m.cross(&specific_force) - terms.load.moment_body_n_m;
+    let (mut slosh, mut slosh_force) = (Vector2::zeros(), Vector2::zeros());
+    if let Some((mode, state)) = balance.slosh {
+        let restoring = mode.restoring_m_s2(state);
+        slosh = restoring - specific_force.xy();
+        slosh_force = restoring * -mode.mass_kg;
+        let on_body = match mode.coupling {
+            Coupling::TwoWay => lateral(slosh) * mode.mass_kg,
+            Coupling::OneWay => -lateral(slosh_force),
+        };
+        force += on_body;
+        moment += slosh_place(mode, state).cross(&on_body);
+    }
+    let acceleration = Acceleration {
+        specific_force_body_m_s2: specific_force,
+        angular_body_rad_s2: Vec3::zeros(),
+        slosh_body_m_s2: slosh,
+        slosh_force_body_n: slosh_force,
+        status: SolveStatus::Solved,
+    };
+    (acceleration, Load { force_body_n: force, moment_body_n_m: moment })
+}
+
+/// Linear and angular momentum about O in body axes [kg m/s, kg m²/s], given O's velocity in body axes;
+/// without what leaves the vehicle. For audits.
+pub fn momentum(balance: &Balance, velocity_body_m_s: Vec3) -> (Vec3, Vec3) {
+    let terms = Terms::new(balance);
+    let w = balance.rate_body_rad_s;
+    let (m, s, i) = (terms.body.mass_kg, terms.body.first_moment_kg_m, terms.body.inertia_kg_m2);
+    let mut linear = velocity_body_m_s * m + w.cross(&s) + balance.flow.momentum_body_kg_m_s;
+    let mut angular = s.cross(&velocity_body_m_s) + i * w;
+    if let Some((mode, state)) = balance.slosh.filter(|(mode, _)| mode.coupling == Coupling::TwoWay) {
+        let relative = lateral(state.velocity_body_m_s) * mode.mass_kg;
+        linear += relative;
+        angular += slosh_place(mode, state).cross(&relative);
+    }
+    if let Some(engine) = terms.engine {
+        linear += engine.rate.cross(&engine.first_moment);
+        angular += engine.inertia * engine.rate;
+    }
+    (linear, angular)
+}
+
+/// Loads and mass properties with the engine deflected and the liquid displaced.
+struct Terms {
+    body: MassProperties,
+    load: Load,
+    engine: Option<Engine>,
+}
+
+/// The deflected engine about O.
+struct Engine {
+    rate: Vec3,
+    first_moment: Vec3,
+    inertia: Mat3,
+}
+
+impl Terms {
+    fn new(balance: &Balance) -> Self {
+        let mut body = *balance.vehicle;
+        let mut load = balance.load;
+        let mut engine = None;
+        if let Some(swing) = &balance.swing {
+            let w = balance.rate_body_rad_s;
+            let (deflected, relative_acceleration) = deflect(swing);
+            let (rate, s_e, i_e) = (deflected.rate, deflected.first_moment, deflected.inertia);
+            body.first_moment_kg_m += s_e - swing.part.first_moment_kg_m;
+            body.inertia_kg_m2 += i_e - swing.part.inertia_kg_m2;
+            let velocity_moment = rate.cross(&s_e);
+            load.force_body_n -= relative_acceleration.cross(&s_e)
+                + rate.cross(&velocity_moment)
+                + w.cross(&velocity_moment) * 2.0;
+            let relative_momentum = i_e * rate;
+            // (W~ I - I W~) w = W×(I w) - I (W×w)
+            load.moment_body_n_m -= i_e * (relative_acceleration - rate.cross(&w))
+                + (rate + w).cross(&relative_momentum)
+                + rate.cross(&(i_e * w));
+            engine = Some(deflected);
+        }
+        if let Some((mode, state)) = balance.slosh.filter(|(mode, _)| mode.coupling == Coupling::TwoWay) {
+            let axis = Vec3::new(0.0, 0.0, mode.station_z_body_m);
+            body = body.with_moved_mass(mode.mass_kg, axis, slosh_place(mode, state));
+        }
+        Self { body, load, engine }
+    }
+}
+
+/// The engine as it is deflected, and its angular acceleration relative to the body.
+fn deflect(swing: &Swing) -> (Engine, Vec3) {
+    // In FRD the angles are a = -gimbal_x about x and b = -gimbal_y about y, E = Ry(b) Rx(a), hence
+    // W = Ry(b) (a', 0, 0) + (0, b', 0).
+    let gimbal = &swing.gimbal;
+    let (sb, cb) = libm::sincos(-gimbal.angle_rad.y);
+    let (a1, b1) = (-gimbal.rate_rad_s.x, -gimbal.rate_rad_s.y);
+    let (a2, b2) = (-gimbal.acceleration_rad_s2.x, -gimbal.acceleration_rad_s2.y);
+    let rate = Vec3::new(a1 * cb, b1, -a1 * sb);
+    let acceleration = Vec3::new(a2 * cb - a1 * b1 * sb, b2, -a2 * sb - a1 * b1 * cb);
+    let e = body_from_engine(gimbal.angle_rad);
+    let engine = Engine {
+        rate,
+        first_moment: e * swing.part.first_moment_kg_m,
+        inertia: e * swing.part.inertia_kg_m2 * e.transpose(),
+    };
+    (engine, acceleration)
+}
+
+/// Where the sloshing mass is, body FRD from O. The one-way form leaves it on the axis.
+fn slosh_place(mode: &Mode, state: &SloshState) -> Vec3 {
+    let s = match mode.coupling {
+        Coupling::TwoWay => state.displacement_body_m,
+        Coupling::OneWay => Vector2::zeros(),
+    };
+    Vec3::new(s.x, s.y, mode.station_z_body_m)
+}
+
+fn lateral(v: Vector2<f64>) -> Vec3 {
+    Vec3::new(v.x, v.y, 0.0)
+}
+
+/// Solves the balance with the liquid frozen or coupled both ways.
+fn coupled(balance: &Balance) -> Acceleration {
+    let terms = Terms::new(balance);
+    let (m, s, i) = (terms.body.mass_kg, terms.body.first_moment_kg_m, terms.body.inertia_kg_m2);
+    let w = balance.rate_body_rad_s;
+
+    let mut force = terms.load.force_body_n
+        - w.cross(&w.cross(&s))
+        - w.cross(&balance.flow.momentum_body_kg_m_s) * 2.0;
+    let mut moment =
+        terms.load.moment_body_n_m - w.cross(&(i * w)) - balance.flow.jet_damping_kg_m2_s * w;
+
+    // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment.
+    let mut a = Vec3::new(m, m, m);
+    let mut c = -skew(s);
+    let mut d = i;
+
+    // The slosh rows say r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out
+    // of the lateral inertia and leave m_s `free` as a load.
+    let slosh = balance.slosh.map(|(mode, state)| {
+        let (m_s, r) = (mode.mass_kg, slosh_place(mode, state));
+        let restoring = mode.restoring_m_s2(state);
+        let coriolis = w.cross(&lateral(state.velocity_body_m_s)) * 2.0;
+        let free = restoring - (w.cross(&w.cross(&r)) + coriolis).xy();
+        let load = (coriolis + lateral(free)) * m_s;
+        force -= load;
+        moment -= r.cross(&load);
+        a.x -= m_s;
+        a.y -= m_s;
+        c += Mat3::new(0.0, -r.z, r.y, r.z, 0.0, -r.x, 0.0, 0.0, 0.0) * m_s;
+        let (zz, zx, zy) = (r.z * r.z, r.z * r.x, r.z * r.y);
+        d -= Mat3::new(zz, 0.0, -zx, 0.0, zz, -zy, -zx, -zy, r.x * r.x + r.y * r.y) * m_s;
+        (r, free, restoring * -m_s)
+    });
+
+    if !(a.x > 0.0 && a.z > 0.0) {
+        return Acceleration::SINGULAR;
+    }
+    let inverse = Vec3::new(1.0 / a.x, 1.0 / a.y, 1.0 / a.z);
+    let scaled = Mat3::from_diagonal(&inverse) * c; // diag(a)⁻¹ C
+    let transposed = c.transpose();
+    let right = moment - transposed * force.component_mul(&inverse);
+    let Some(angular) = solve_positive_definite(&(d - transposed * scaled), &right) else {
+        return Acceleration::SINGULAR;
+    };
+    let specific_force = force.component_mul(&inverse) - scaled * angular;
+    if !(specific_force.norm_squared() + angular.norm_squared()).is_finite() {
+        return Acceleration::SINGULAR;
+    }
+    let (slosh_body_m_s2, slosh_force_body_n) =
+        slosh.map_or((Vector2::zeros(), Vector2::zeros()), |(r, free, on_vehicle)| {
+            (free - (specific_force + angular.cross(&r)).xy(), on_vehicle)
+        });
+    Acceleration {
+        specific_force_body_m_s2: specific_force,
+        angular_body_rad_s2: angular,
+        slosh_body_m_s2,
+        slosh_force_body_n,
+        status: SolveStatus::Solved,
+    }
+}
+
+/// The seed paper's coupling: the frozen body drives the oscillator, then the oscillator's force acts on
+/// the frozen body at its station.
+fn one_way(balance: &Balance, mode: &Mode, state: &SloshState) -> Acceleration {
+    let frozen = Balance { slosh: None, ..*balance };
+    let station = slosh_place(mode, state);
+    let driving = coupled(&frozen).specific_force_at(station, balance.rate_body_rad_s);
+    let restoring = mode.restoring_m_s2(state);
+    let force = restoring * -mode.mass_kg;
+    let load = balance.load + Load::at(station, lateral(force));
+    Acceleration {
+        slosh_body_m_s2: restoring - driving.xy(),
+        slosh_force_body_n: force,
+        ..coupled(&Balance { load, ..frozen })
+    }
+}
+
+/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k` by its L D Lᵀ factors; `None` otherwise.
+fn solve_positive_definite(k: &Mat3, b: &Vec3) -> Option<Vec3> {
+    let d0 = k[(0, 0)];
+    let (l10, l20) = (k[(1, 0)] / d0, k[(2, 0)] / d0);
+    let d1 = k[(1, 1)] - l10 * k[(1, 0)];
+    let t21 = k[(2, 1)] - l20 * k[(1, 0)];
+    let l21 = t21 / d1;
+    let d2 = k[(2, 2)] - l20 * k[(2, 0)] - l21 * t21;
+    if !(d0 > 0.0 && d1 > 0.0 && d2 > 0.0) {
+        return None;
+    }
+    let y1 = b.y - l10 * b.x;
+    let y2 = b.z - l20 * b.x - l21 * y1;
+    let z = y2 / d2;
+    let y = y1 / d1 - l21 * z;
+    Some(Vec3::new(b.x / d0 - l10 * y - l20 * z, y, z))
+}

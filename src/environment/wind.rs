@@ -1,0 +1,121 @@
+//! Wind: a steady mean and discrete gusts of the 1-cos shape.
+//!
+//! A gust rises as U/2 (1 - cos(π t/t_rise)), may hold its peak, and falls by the mirrored law. Source:
+//! MIL-F-8785C section 3.7.1.3 for the rising half, 14 CFR 25.341 for the whole bump. A lander hangs in
+//! one place, so gusts are functions of time, not of distance flown.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::frame::Vec3;
+use crate::input::Invalid;
+
+/// Wind of a flight: the `[wind]` table of a scenario.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WindParameters {
+    /// Mean speed, level [m/s].
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub mean_speed_m_s: f64,
+    /// Direction the wind comes from, clockwise from north [deg]: 270 is a westerly, blowing east.
+    #[schemars(range(min = -360.0, max = 360.0))]
+    pub from_deg: f64,
+    /// Gusts on top of the mean; they add where they overlap.
+    pub gust: Vec<Gust>,
+}
+
+impl WindParameters {
+    /// # Errors
+    /// When a gust ends before it starts.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        for (index, gust) in self.gust.iter().enumerate() {
+            let duration_s = gust.rise_s + gust.hold_s + gust.fall_s();
+            if !duration_s.is_finite() || gust.rise_s < 0.0 || gust.hold_s < 0.0 || gust.fall_s() < 0.0 {
+                let message = format!(
+                    "rise_s {}, hold_s {} and fall_s {} must be finite and not negative",
+                    gust.rise_s,
+                    gust.hold_s,
+                    gust.fall_s()
+                );
+                return Err(Invalid::new(format!("gust[{index}]"), message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One 1-cos gust: an entry `[[wind.gust]]` of a scenario.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Gust {
+    /// Mission time at which it begins, that is since ignition [s].
+    #[schemars(range(min = 0.0, max = 3600.0))]
+    pub start_s: f64,
+    /// From nothing to the peak [s]; 0 is a step.
+    #[schemars(range(min = 0.0, max = 600.0))]
+    pub rise_s: f64,
+    /// Time at the peak [s].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 3600.0))]
+    pub hold_s: f64,
+    /// From the peak to nothing [s]; as long as the rise if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 600.0))]
+    pub fall_s: Option<f64>,
+    /// Velocity of the air that the gust adds at its peak, NED [m/s].
+    #[schemars(inner(range(min = -60.0, max = 60.0)))]
+    pub peak_ned_m_s: [f64; 3],
+}
+
+impl Gust {
+    fn fall_s(&self) -> f64 {
+        self.fall_s.unwrap_or(self.rise_s)
+    }
+
+    /// Share of the peak at a mission time, 0..1.
+    pub fn share(&self, mission_time_s: f64) -> f64 {
+        let since_start_s = mission_time_s - self.start_s;
+        let until_end_s = self.rise_s + self.hold_s + self.fall_s() - since_start_s;
+        one_minus_cos(since_start_s, self.rise_s).min(one_minus_cos(until_end_s, self.fall_s()))
+    }
+}
+
+/// 0 before zero, 1 after `rise_s`, a half cosine between.
+fn one_minus_cos(time_s: f64, rise_s: f64) -> f64 {
+    if time_s <= 0.0 {
+        0.0
+    } else if time_s >= rise_s {
+        1.0
+    } else {
+        0.5 * (1.0 - libm::cos(core::f64::consts::PI * time_s / rise_s))
+    }
+}
+
+/// Velocity of the air over the pad.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wind {
+    mean_ned_m_s: Vec3,
+    gusts: Vec<Gust>,
+}
+
+impl Wind {
+    /// From the parameters of a scenario.
+    pub fn new(parameters: &WindParameters) -> Self {
+        let (sin_from, cos_from) = libm::sincos(parameters.from_deg.to_radians());
+        Self {
+            // It blows away from where it comes from.
+            mean_ned_m_s: -parameters.mean_speed_m_s * Vec3::new(cos_from, sin_from, 0.0),
+            gusts: parameters.gust.clone(),
+        }
+    }
+
+    /// Velocity of the air in NED at a mission time, the time since ignition [m/s]. Before ignition the
+    /// time is negative and there are no gusts.
+    pub fn velocity_ned_m_s(&self, mission_time_s: f64) -> Vec3 {
+        let mut velocity = self.mean_ned_m_s;
+        for gust in &self.gusts {
+            velocity += Vec3::from(gust.peak_ned_m_s) * gust.share(mission_time_s);
+        }
+        velocity
+    }
+}
