@@ -1,50 +1,65 @@
 //! The plant: what the vehicle does with its commands, from the valve to the feet.
 //!
 //! [`Plant::step`] is the block diagram. [`Plant::evaluate`] is its continuous part, pure, called once
-//! per stage of the integrator: servos, feed, combustion, mass, loads, balance of momentum. Whatever is
-//! discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
+//! per stage of the integrator: servos, feed and combustion, mass, loads, balance of momentum. Whatever
+//! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
 //! isolation and vent valves, contact anchors, pulses of the thrusters, events.
 
 mod sequence;
 pub mod signs;
+mod snapshot;
 mod state;
 
-pub use sequence::{Events, PlantEvent};
+pub use sequence::PlantEvent;
+pub use snapshot::Snapshot;
 pub use state::{Rate, State};
 
-use nalgebra::{UnitQuaternion, Vector2};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2};
 
-use crate::actuator::{DelayLine, Servo, ServoState, StrokeValve};
-use crate::dynamics::landing_gear::{Contact, PadAnchors};
-use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassProperties, Outflow};
-use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing, thrust_direction_body};
-use crate::dynamics::slosh::SloshState;
+use crate::actuator::{DelayLine, Servo, ServoOutput, ServoState, StrokeValve};
 use crate::dynamics::Load;
+use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
+use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassProperties, Outflow};
+use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing};
+use crate::dynamics::slosh::SloshState;
 use crate::environment::Environment;
-use crate::frame::{Mat3, Vec3, quaternion_rate, structural_from_frd};
+use crate::frame::{self, Mat3, Vec3, quaternion_rate, structural_from_frd};
 use crate::input::Invalid;
 use crate::integrator::rk4_step;
-use crate::propulsion::{EngineCondition, FeedMap, Guess, OperatingPoint, PressurantState};
+use crate::propulsion::{
+    BelowMinimum, ChamberGas, ChamberModel, EngineCondition, FeedMap, Guess, Modulator, OperatingPoint,
+    PressurantState,
+};
 use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
+use crate::sensor::Truth;
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
-use sequence::Sequence;
+use sequence::{Flame, Observed, Sequence};
 
-/// The plant's step [us].
+/// The plant's step.
 pub const STEP: SimTime = SimTime::from_us(1_000);
+
+/// The engine controller solves for the valve angle at this interval, and at every new command.
+const ENGINE_CONTROL: SimTime = SimTime::from_us(4_000);
+
+/// The feed's tables are rebuilt when the tank pressure has moved by so much [Pa]: 1e-4 of flow.
+const FEED_TOLERANCE_PA: f64 = 1_000.0;
 
 /// The vehicle in its world.
 pub struct Plant {
     vehicle: Vehicle,
     environment: Environment,
     options: Options,
+    pads_body_m: [Vec3; MAX_LEGS],
+    outlets: Outlets,
+    rest_height_m: f64,
     time: SimTime,
     state: State,
     held: Held,
     sequence: Sequence,
-    initial_mass_kg: f64,
+    events: Vec<PlantEvent>,
 }
 
 /// What a scenario idealises.
@@ -54,72 +69,695 @@ struct Options {
     ground: bool,
     /// A stand holds the vehicle for the whole run.
     clamped: bool,
+    /// Commands come from a schedule and go to the valve as they are.
+    open_loop: bool,
     /// Valve and thrusters follow at once.
     ideal: bool,
     /// The gimbal follows at once.
     ideal_gimbal: bool,
 }
 
+/// Where mass leaves, body FRD [m].
+#[derive(Clone, Copy, Debug)]
+struct Outlets {
+    nozzle: Vec3,
+    /// Mean position of the thruster pairs of positive and of negative moment.
+    rcs: [Vec3; 2],
+    vent: Vec3,
+}
+
 /// Everything discrete: constant inside a step.
 #[derive(Clone, Debug)]
 struct Held {
-    /// Valve angle that the servo is told [rad].
+    /// Valve angle and gimbal angles as they reach the servos [rad].
     valve_command_rad: f64,
-    /// Gimbal angles that the servos are told [rad].
     gimbal_command_rad: Vector2<f64>,
     valve_delay: DelayLine<f64>,
     gimbal_delay: DelayLine<[f64; 2]>,
-    /// Gimbal angles behind the play [rad].
-    gimbal_play_rad: Vector2<f64>,
+    /// Angles behind the play [rad].
     valve_play_rad: f64,
+    gimbal_play_rad: Vector2<f64>,
     /// Openings, 0 shut to 1 open.
     isolation: f64,
     vent: f64,
-    /// A stand or the hold-down keeps the vehicle where it is.
-    fixed: bool,
-    anchors: PadAnchors,
+    grip: Grip,
+    anchors: Anchors,
     feed: FeedMap,
     guess: Guess,
-    /// Thruster pairs that are told to fire.
-    rcs_on: [bool; 2],
-    /// Thrust that the command asks for [N], for the record.
-    thrust_command_n: f64,
-    /// Gas that follows the liquid limits the oxidiser flow.
-    nitrous_depleted: bool,
-    /// How the burning fraction moves: toward 1 when lit, toward 0 in a tail.
+    modulator: Modulator,
+    /// Level that each thruster pair is told, 0 to 1.
+    rcs_command: [f64; 2],
+    /// What the engine controller made of the throttle.
+    demand: Demand,
     flame: Flame,
+    nitrous_depleted: bool,
+    bottle_low: bool,
+    saturated: bool,
 }
 
-/// How the burning fraction moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Flame {
-    /// No flame.
-    Out,
-    /// Rising to the whole flow with a time constant [s].
-    Lit(f64),
-    /// Dying for want of fuel with a time constant [s].
-    Tail(f64),
+/// What the engine controller made of the throttle, and when.
+#[derive(Clone, Copy, Debug)]
+struct Demand {
+    throttle: Throttle,
+    solved: Option<SimTime>,
+    valve_rad: f64,
+    thrust_n: f64,
 }
 
 /// Everything that [`Plant::evaluate`] finds at one instant.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Evaluation {
     /// Time derivative of the state.
     pub rate: Rate,
     /// Engine.
     pub engine: OperatingPoint,
+    /// Oxidiser valve behind the play [rad].
+    pub valve_rad: f64,
     /// Open area of the oxidiser valve [m²].
     pub valve_area_m2: f64,
+    /// Gimbal behind the play [rad].
+    pub gimbal_rad: Vector2<f64>,
     /// Bottle and run tank.
     pub pressurant: PressurantState,
     /// Mass properties about the pivot, liquid at rest, engine at zero gimbal.
     pub mass: MassProperties,
+    /// Share of the mass that sloshes and where it is, for reports.
+    pub displaced: MassProperties,
     /// Accelerations and slosh force.
     pub acceleration: Acceleration,
     /// Legs.
     pub contact: Contact,
-    /// Fuel left [kg].
-    pub fuel_kg: f64,
     /// Velocity of the air [m/s].
     pub wind_ned_m_s: Vec3,
+}
+
+impl Plant {
+    /// The plant at step 0 of a scenario.
+    ///
+    /// # Errors
+    /// When the initial state contradicts the vehicle.
+    pub fn new(scenario: &Scenario) -> Result<Self, Invalid> {
+        let vehicle = scenario.vehicle.clone();
+        let start = &scenario.file.initial;
+        let running = start.engine == EngineStart::Running;
+        let actuators = scenario.file.actuators;
+        let options = Options {
+            ground: start.place == Place::Pad,
+            clamped: start.clamped,
+            open_loop: scenario.schedule.is_some(),
+            ideal: actuators.ideal,
+            ideal_gimbal: actuators.ideal && actuators.gimbal != Some(GimbalActuator::Servo),
+        };
+        if options.ideal_gimbal && vehicle.gimbal.engine_inertia {
+            return Err(Invalid::new(
+                "model.gimbal_inertia",
+                "must be false with an ideal gimbal: a step in angle would have infinite acceleration",
+            ));
+        }
+        let nitrous_kg = start.nitrous_kg.unwrap_or_else(|| vehicle.initial_nitrous_kg());
+        if nitrous_kg > vehicle.tank_capacity_kg() {
+            return Err(Invalid::new(
+                "initial.nitrous_kg",
+                format!("{nitrous_kg} is out of range; the tank holds 0 to {:.3}", vehicle.tank_capacity_kg()),
+            ));
+        }
+        let port_radius_m = start.port_radius_m.unwrap_or(vehicle.engine.grain.port_radius_m);
+        if port_radius_m > vehicle.engine.grain.outer_radius_m {
+            return Err(Invalid::new(
+                "initial.port_radius_m",
+                format!(
+                    "{port_radius_m} is out of range; allowed up to the grain's {}",
+                    vehicle.engine.grain.outer_radius_m
+                ),
+            ));
+        }
+        let nitrogen_kg =
+            start.nitrogen_kg.unwrap_or_else(|| vehicle.initial_nitrogen_kg(vehicle.initial_nitrous_kg()));
+        let throat_radius_m =
+            start.throat_radius_m.unwrap_or(0.5 * vehicle.engine.nozzle.throat_diameter_m);
+        let q = start.q_ned_from_body;
+        let state = State {
+            position_ned_m: Vec3::from(start.position_ned_m),
+            velocity_ned_m_s: Vec3::from(start.velocity_ned_m_s),
+            q_ned_from_body: Quaternion::new(q[0], q[1], q[2], q[3]).normalize(),
+            rate_body_rad_s: Vec3::from(start.rate_body_rad_s),
+            nitrous_kg,
+            nitrogen_kg,
+            port_radius_m,
+            throat_radius_m,
+            ..State::EMPTY
+        };
+        let mut plant = Self {
+            environment: Environment::new(&scenario.site, &scenario.file.wind)?,
+            options,
+            pads_body_m: vehicle.landing_gear.pads_body_m(),
+            outlets: Outlets {
+                nozzle: Vec3::new(0.0, 0.0, -vehicle.engine.nozzle.exit_z_m),
+                rcs: vehicle.reaction_control.outlets_body_m(),
+                vent: Vec3::new(0.0, 0.0, -vehicle.tank_top_z_m()),
+            },
+            rest_height_m: 0.0,
+            time: SimTime::ZERO,
+            state,
+            held: Held {
+                valve_command_rad: 0.0,
+                gimbal_command_rad: Vector2::zeros(),
+                valve_delay: DelayLine::for_interval(SimTime::from_s(vehicle.valve_delay_s), 0.0, STEP),
+                gimbal_delay: DelayLine::for_interval(SimTime::from_s(vehicle.gimbal.delay_s), [0.0; 2], STEP),
+                valve_play_rad: 0.0,
+                gimbal_play_rad: Vector2::zeros(),
+                isolation: if running { 1.0 } else { 0.0 },
+                vent: 0.0,
+                grip: if options.ground && !running { Grip::Held } else { Grip::Free },
+                anchors: Anchors::default(),
+                feed: vehicle.engine.feed_map(vehicle.tank_pressure_pa, vehicle.tank_temperature_k),
+                guess: Guess::default(),
+                modulator: vehicle.reaction_control.modulator(),
+                rcs_command: [0.0; 2],
+                demand: Demand {
+                    throttle: Throttle::ValveRad(0.0),
+                    solved: None,
+                    valve_rad: 0.0,
+                    thrust_n: 0.0,
+                },
+                flame: if running { Flame::Lit } else { Flame::Out },
+                nitrous_depleted: false,
+                bottle_low: false,
+                saturated: false,
+            },
+            sequence: Sequence::new(scenario.file.sequence.source, vehicle.hold_down.release_time_s, running),
+            events: Vec::new(),
+            vehicle,
+        };
+        let weight_n = plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
+        plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
+        if options.ground {
+            plant.stand()?;
+        }
+        if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
+            plant.run_steady(schedule.at(SimTime::ZERO));
+        }
+        Ok(plant)
+    }
+
+    /// Puts the vehicle on its legs, at rest and upright.
+    fn stand(&mut self) -> Result<(), Invalid> {
+        if frame::tilt_rad(&self.state.attitude()) > 1e-3 {
+            return Err(Invalid::new("initial.q_ned_from_body", "on the pad the vehicle stands upright"));
+        }
+        self.state.position_ned_m.z = -self.rest_height_m;
+        self.state.velocity_ned_m_s = Vec3::zeros();
+        self.state.rate_body_rad_s = Vec3::zeros();
+        let motion = motion(&self.state);
+        let gear = &self.vehicle.landing_gear;
+        self.held.anchors = gear.anchors_after(&self.pads_body_m, &motion, 0.0, &Anchors::default(), Grip::Free);
+        Ok(())
+    }
+
+    /// Lights the engine and brings it to its steady state under a command, at step 0.
+    fn run_steady(&mut self, command: &ActuatorCommand) {
+        self.state.burning_fraction = 1.0;
+        self.obey(command);
+        self.state.valve_rad = self.held.demand.valve_rad;
+        self.held.valve_command_rad = self.held.demand.valve_rad;
+        self.held.valve_play_rad = self.held.demand.valve_rad;
+        self.held.valve_delay =
+            DelayLine::for_interval(SimTime::from_s(self.vehicle.valve_delay_s), self.state.valve_rad, STEP);
+        let area_m2 = self.vehicle.engine.valve_area_m2(self.state.valve_rad);
+        let steady = EngineCondition { chamber_gas: None, ..self.condition(&self.state) };
+        let point = self.vehicle.engine.operating_point(&self.held.feed, area_m2, &steady, self.held.guess);
+        if self.vehicle.engine.chamber.model == ChamberModel::Filling {
+            let gas = self.vehicle.engine.steady_chamber_gas(&point, &steady);
+            self.state.chamber_oxidizer_kg = gas.oxidizer_kg;
+            self.state.chamber_fuel_kg = gas.fuel_kg;
+        }
+    }
+
+    /// One step under a command: the block diagram.
+    pub fn step(&mut self, command: &ActuatorCommand) {
+        self.obey(command);
+        self.state = rk4_step(&self.state, STEP.s(), |state, share| self.evaluate(state, share).rate);
+        self.state.q_ned_from_body.normalize_mut();
+        self.time = self.time + STEP;
+        self.settle();
+    }
+
+    /// Takes in a command: sequence, engine controller, delays, pulses.
+    fn obey(&mut self, command: &ActuatorCommand) {
+        let now = self.time;
+        let throttle_on = command.armed && self.throttle_share(command.throttle) >= self.shutdown_fraction();
+        let positions = self.sequence.obey(now, command, throttle_on);
+        let held = &mut self.held;
+        let stroke = |valve: StrokeValve, opening: f64, open: bool| {
+            valve.opening_after(opening, if open { 1.0 } else { 0.0 }, STEP.s())
+        };
+        held.isolation = stroke(self.vehicle.isolation_valve(), held.isolation, positions.isolation_open);
+        held.vent = stroke(self.vehicle.vent_valve(), held.vent, positions.vent_open);
+        held.grip = if held.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
+
+        self.control_engine(throttle_on, command.throttle);
+        let limit = self.vehicle.gimbal.limit_rad;
+        let gimbal = if command.armed {
+            [command.gimbal_x_rad, command.gimbal_y_rad].map(|angle| angle.clamp(-limit, limit))
+        } else {
+            [0.0; 2]
+        };
+        let roll = if command.armed { command.rcs_roll.clamp(-1.0, 1.0) } else { 0.0 };
+
+        let held = &mut self.held;
+        let valve_rad = held.demand.valve_rad;
+        if self.options.ideal {
+            held.valve_command_rad = valve_rad;
+            self.state.valve_rad = valve_rad;
+            held.valve_play_rad = valve_rad;
+            held.rcs_command = [roll.max(0.0), (-roll).max(0.0)];
+            self.state.rcs_level = Vec3::new(held.rcs_command[0], held.rcs_command[1], 0.0);
+        } else {
+            held.valve_delay.push(now, valve_rad);
+            held.valve_command_rad = held.valve_delay.at(now);
+            held.rcs_command = held.modulator.step(now, roll);
+        }
+        if self.options.ideal_gimbal {
+            held.gimbal_command_rad = Vector2::from(gimbal);
+            self.state.gimbal_rad = Vec3::new(gimbal[0], gimbal[1], 0.0);
+            held.gimbal_play_rad = held.gimbal_command_rad;
+        } else {
+            held.gimbal_delay.push(now, gimbal);
+            held.gimbal_command_rad = Vector2::from(held.gimbal_delay.at(now));
+        }
+    }
+
+    /// Throttle as a share of the rated thrust or of the valve's travel.
+    fn throttle_share(&self, throttle: Throttle) -> f64 {
+        match throttle {
+            Throttle::ThrustN(thrust_n) => thrust_n / self.vehicle.rating.thrust_rated_n,
+            Throttle::ValveRad(valve_rad) => valve_rad / self.vehicle.valve_open_rad(),
+        }
+    }
+
+    fn shutdown_fraction(&self) -> f64 {
+        if self.options.open_loop { f64::MIN_POSITIVE } else { self.vehicle.engine.ignition.shutdown_fraction }
+    }
+
+    /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own
+    /// engine, as a well identified controller would.
+    fn control_engine(&mut self, on: bool, throttle: Throttle) {
+        let now = self.time;
+        if !on {
+            self.held.demand = Demand { throttle, solved: None, valve_rad: 0.0, thrust_n: 0.0 };
+            return;
+        }
+        let demand = &self.held.demand;
+        let fresh = demand.solved.is_some_and(|at| now.since(at) < ENGINE_CONTROL);
+        if fresh && demand.throttle == throttle {
+            return;
+        }
+        let engine = &self.vehicle.engine;
+        // The demand is for the burning engine, whatever the flame is doing now.
+        let condition =
+            EngineCondition { burning_fraction: 1.0, chamber_gas: None, ..self.condition(&self.state) };
+        let hold = engine.ignition.below_minimum == BelowMinimum::Hold && !self.options.open_loop;
+        let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };
+        let feed = &self.held.feed;
+        let (valve_rad, thrust_n, saturated) = match throttle {
+            Throttle::ThrustN(thrust_n) => {
+                let inverse = engine.inverse(feed, thrust_n.max(least_n), &condition);
+                (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
+            }
+            Throttle::ValveRad(valve_rad) => {
+                let least_rad =
+                    if hold { engine.inverse(feed, least_n, &condition).valve_rad } else { 0.0 };
+                let valve_rad = valve_rad.max(least_rad).min(self.vehicle.valve_open_rad());
+                let area_m2 = engine.valve_area_m2(valve_rad);
+                let point = engine.operating_point(feed, area_m2, &condition, self.held.guess);
+                (valve_rad, point.thrust_n, false)
+            }
+        };
+        if saturated && !self.held.saturated {
+            self.note("saturated", format!("{thrust_n:.0} N asked for"));
+        }
+        self.held.saturated = saturated;
+        self.held.demand =
+            Demand { throttle, solved: Some(now), valve_rad: self.vehicle.encoded(valve_rad), thrust_n };
+    }
+
+    /// Conditions of the engine at a state.
+    fn condition(&self, state: &State) -> EngineCondition {
+        let depletion = &self.vehicle.engine.depletion;
+        EngineCondition {
+            port_radius_m: state.port_radius_m,
+            throat_radius_m: state.throat_radius_m,
+            burning_fraction: state.burning_fraction,
+            ambient_pa: self.environment.atmosphere.pressure_pa,
+            chamber_gas: (self.vehicle.engine.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
+                oxidizer_kg: state.chamber_oxidizer_kg,
+                fuel_kg: state.chamber_fuel_kg,
+            }),
+            // Gas follows the liquid: what is left leaves within the tail's time constant.
+            oxidizer_flow_limit_kg_s: if self.held.nitrous_depleted {
+                state.nitrous_kg.max(0.0) / depletion.tail_time_constant_s
+            } else {
+                f64::INFINITY
+            },
+        }
+    }
+
+    /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
+    pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
+        let (vehicle, held) = (&self.vehicle, &self.held);
+
+        // Actuators.
+        let (valve, valve_rate) = self.valve(state);
+        let (gimbal, gimbal_rate) = self.gimbal(state);
+        let rcs_rate = if self.options.ideal {
+            Vec3::zeros()
+        } else {
+            vehicle.reaction_control.level_rate(state.rcs_level, held.rcs_command)
+        };
+
+        // Feed and combustion.
+        let valve_area_m2 = vehicle.engine.valve_area_m2(valve.angle_rad);
+        let open_area_m2 = valve_area_m2.min(held.isolation * vehicle.isolation_area_m2);
+        let engine =
+            vehicle.engine.operating_point(&held.feed, open_area_m2, &self.condition(state), held.guess);
+
+        // Pressurant.
+        let pressurant = vehicle.pressurant_state(state.nitrogen_kg, state.nitrous_kg);
+        let rcs_kg_s = [state.rcs_level.x, state.rcs_level.y]
+            .map(|level| vehicle.reaction_control.pair_flow_kg_s(level, pressurant.bottle_pa));
+        let vent_kg_s = vehicle.vent_flow_kg_s(held.vent, &pressurant);
+
+        // Mass.
+        let contents = Contents {
+            nitrous_kg: state.nitrous_kg,
+            nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
+            port_radius_m: state.port_radius_m,
+            nitrogen_run_tank_kg: pressurant.run_tank_kg,
+            nitrogen_bottle_kg: pressurant.bottle_kg,
+        };
+        let nitrogen_kg_s = -(rcs_kg_s[0] + rcs_kg_s[1] + vent_kg_s);
+        let run_tank_kg_s = pressurant.run_tank_density_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
+        let mass = vehicle.mass.evaluate(
+            &contents,
+            &ContentsRate {
+                nitrous_kg_s: -engine.oxidizer_kg_s,
+                port_radius_m_s: engine.regression_rate_m_s,
+                nitrogen_run_tank_kg_s: run_tank_kg_s,
+                nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
+            },
+        );
+        let flow = FlowTerms::new(
+            &mass.rate,
+            &[
+                Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: engine.nozzle_kg_s },
+                Outflow { position_body_m: self.outlets.rcs[0], mass_flow_kg_s: rcs_kg_s[0] },
+                Outflow { position_body_m: self.outlets.rcs[1], mass_flow_kg_s: rcs_kg_s[1] },
+                Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s },
+            ],
+        );
+
+        // Loads.
+        let motion = motion(state);
+        let body_from_ned = motion.ned_from_body.transpose();
+        let wind_ned_m_s = self.environment.wind.velocity_ned_m_s(self.mission_s_at(share));
+        let airspeed_body = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
+        let drag = vehicle.aero.drag(
+            self.environment.atmosphere.density_kg_m3,
+            airspeed_body,
+            state.rate_body_rad_s,
+        );
+        let contact = if self.options.ground {
+            vehicle.landing_gear.contact(&self.pads_body_m, &motion, 0.0, &held.anchors, held.grip)
+        } else {
+            Contact::NONE
+        };
+        let thrust = Load {
+            force_body_n: rigid_body::thrust_direction_body(gimbal.angle_rad) * engine.thrust_n,
+            moment_body_n_m: Vec3::zeros(),
+        };
+        let load = thrust
+            + vehicle.reaction_control.load(state.rcs_level, pressurant.bottle_pa)
+            + drag
+            + contact.load;
+
+        // Slosh, and the balance of momentum.
+        let axial_m_s2 = -load.force_body_n.z / mass.vehicle.mass_kg;
+        let mode = vehicle.slosh.mode(
+            vehicle.mass.tank(),
+            state.nitrous_kg,
+            vehicle.nitrous_density_kg_m3,
+            axial_m_s2,
+        );
+        let slosh_state = SloshState {
+            displacement_body_m: state.slosh_m.xy(),
+            velocity_body_m_s: state.slosh_m_s.xy(),
+        };
+        let balance = Balance {
+            vehicle: &mass.vehicle,
+            flow: &flow,
+            rate_body_rad_s: state.rate_body_rad_s,
+            load,
+            slosh: mode.as_ref().map(|mode| (mode, &slosh_state)),
+            swing: vehicle.gimbal.engine_inertia.then_some(Swing { part: &mass.swinging, gimbal }),
+        };
+        let gravity_ned = self.environment.gravity.acceleration_ned_m_s2();
+        let acceleration = if self.options.clamped {
+            rigid_body::clamped(&balance, body_from_ned * gravity_ned).0
+        } else {
+            rigid_body::accelerations(&balance)
+        };
+
+        let imu = Vec3::from(vehicle.sensors.imu.position_m);
+        let lateral = |v: Vector2<f64>| Vec3::new(v.x, v.y, 0.0);
+        let fixed = self.options.clamped;
+        let rate = Rate {
+            position_ned_m: if fixed { Vec3::zeros() } else { state.velocity_ned_m_s },
+            velocity_ned_m_s: if fixed {
+                Vec3::zeros()
+            } else {
+                motion.ned_from_body * acceleration.specific_force_body_m_s2 + gravity_ned
+            },
+            q_ned_from_body: quaternion_rate(&state.q_ned_from_body, state.rate_body_rad_s),
+            rate_body_rad_s: acceleration.angular_body_rad_s2,
+            slosh_m: state.slosh_m_s,
+            slosh_m_s: lateral(acceleration.slosh_body_m_s2),
+            nitrous_kg: -engine.oxidizer_kg_s,
+            nitrogen_kg: nitrogen_kg_s,
+            port_radius_m: engine.regression_rate_m_s,
+            throat_radius_m: engine.throat_erosion_m_s,
+            chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg,
+            chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg,
+            burning_fraction: self.burning_fraction_rate(state),
+            valve_rad: valve_rate.angle_rad,
+            valve_rad_s: valve_rate.rate_rad_s,
+            gimbal_rad: lateral(gimbal_rate[0]),
+            gimbal_rad_s: lateral(gimbal_rate[1]),
+            rcs_level: rcs_rate,
+            expelled_nozzle_kg: engine.nozzle_kg_s,
+            expelled_rcs_kg: rcs_kg_s[0] + rcs_kg_s[1],
+            expelled_vent_kg: vent_kg_s,
+            imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
+            imu_angle_body_rad: state.rate_body_rad_s,
+        };
+        let displaced = match &mode {
+            Some(mode) => {
+                let axis = Vec3::new(0.0, 0.0, mode.station_z_body_m);
+                mass.vehicle.with_moved_mass(mode.mass_kg, axis, axis + state.slosh_m)
+            }
+            None => mass.vehicle,
+        };
+        Evaluation {
+            rate,
+            engine,
+            valve_rad: valve.angle_rad,
+            valve_area_m2,
+            gimbal_rad: gimbal.angle_rad,
+            pressurant,
+            mass: mass.vehicle,
+            displaced,
+            acceleration,
+            contact,
+            wind_ned_m_s,
+        }
+    }
+
+    /// The oxidiser valve behind its play, and the rate of its servo.
+    fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
+        if self.options.ideal {
+            let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
+            return (output, ServoState::default());
+        }
+        let servo = &self.vehicle.valve_servo;
+        let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
+        let rate = servo.rate(&at, self.held.valve_command_rad);
+        let output = servo.output(&at, &rate, self.held.valve_play_rad);
+        (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
+    }
+
+    /// Gimbal behind its play, and the rates of angles and rates of its servos.
+    fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
+        if self.options.ideal_gimbal {
+            let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };
+            return (motion, [Vector2::zeros(); 2]);
+        }
+        let servo = &self.vehicle.gimbal_servo;
+        let mut motion = GimbalMotion::default();
+        let mut rates = [Vector2::zeros(); 2];
+        for axis in 0..2 {
+            let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
+            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis]);
+            let output = servo.output(&at, &rate, self.held.gimbal_play_rad[axis]);
+            motion.angle_rad[axis] = output.angle_rad;
+            motion.rate_rad_s[axis] = output.rate_rad_s;
+            motion.acceleration_rad_s2[axis] = output.acceleration_rad_s2;
+            rates[0][axis] = rate.rate_rad_s;
+            rates[1][axis] = rate.acceleration_rad_s2;
+        }
+        (motion, rates)
+    }
+
+    fn burning_fraction_rate(&self, state: &State) -> f64 {
+        match self.held.flame {
+            Flame::Out => 0.0,
+            Flame::Lit => {
+                (1.0 - state.burning_fraction) / self.vehicle.engine.ignition.rise_time_constant_s
+            }
+            Flame::Tail => -state.burning_fraction / self.vehicle.engine.depletion.tail_time_constant_s,
+        }
+    }
+
+    /// Discrete events after a step.
+    fn settle(&mut self) {
+        let now = self.evaluate(&self.state, 0.0);
+        self.held.guess = now.engine.guess();
+
+        // What integration may leave a rounding below zero.
+        self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
+        self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
+        self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
+
+        // Play.
+        let state = &self.state;
+        let at = |angle_rad: f64| ServoState { angle_rad, rate_rad_s: 0.0 };
+        self.held.valve_play_rad =
+            self.vehicle.valve_servo.held_after(&at(state.valve_rad), self.held.valve_play_rad);
+        for axis in 0..2 {
+            self.held.gimbal_play_rad[axis] = self
+                .vehicle
+                .gimbal_servo
+                .held_after(&at(state.gimbal_rad[axis]), self.held.gimbal_play_rad[axis]);
+        }
+
+        // Flame.
+        let tail_s = self.vehicle.engine.depletion.tail_time_constant_s;
+        let observed = Observed {
+            oxidizer_kg_s: now.engine.oxidizer_kg_s,
+            chamber_pa: now.engine.chamber_pa,
+            burning_fraction: state.burning_fraction,
+            grain_spent: self.fuel_kg(state) < tail_s * now.engine.fuel_kg_s,
+        };
+        if let Some(event) = self.sequence.burn(self.time, &self.vehicle.engine.ignition, &observed) {
+            let detail = format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
+            self.note(event, detail);
+        }
+        self.held.flame = self.sequence.flame;
+        if self.held.flame == Flame::Out {
+            self.state.burning_fraction = 0.0;
+        }
+
+        // Depletion.
+        if !self.held.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.unusable_nitrous_kg {
+            self.held.nitrous_depleted = true;
+            self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
+        }
+        if now.pressurant.regulated {
+            self.held.bottle_low = false;
+        } else if !self.held.bottle_low {
+            self.held.bottle_low = true;
+            self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
+        }
+        if (now.pressurant.tank_pa - self.held.feed.tank_pa()).abs() > FEED_TOLERANCE_PA {
+            self.held.feed.rebuild(&self.vehicle.engine, now.pressurant.tank_pa, self.vehicle.tank_temperature_k);
+        }
+
+        // Feet.
+        if self.options.ground {
+            let motion = motion(&self.state);
+            let gear = &self.vehicle.landing_gear;
+            self.held.anchors =
+                gear.anchors_after(&self.pads_body_m, &motion, 0.0, &self.held.anchors, self.held.grip);
+        }
+    }
+
+    fn note(&mut self, name: &'static str, detail: String) {
+        self.events.push(PlantEvent { time: self.time, name, detail });
+    }
+
+    fn fuel_kg(&self, state: &State) -> f64 {
+        self.vehicle.engine.grain.fuel_mass_kg(state.port_radius_m)
+    }
+
+    fn mission_s_at(&self, share: f64) -> f64 {
+        match self.sequence.ignition {
+            Some(ignition) => self.time.since(ignition).s() + share * STEP.s(),
+            None => -1.0,
+        }
+    }
+
+    /// Time since ignition [s].
+    pub fn mission_s(&self) -> Option<f64> {
+        self.sequence.ignition.map(|ignition| self.time.since(ignition).s())
+    }
+
+    /// Run time.
+    pub fn time(&self) -> SimTime {
+        self.time
+    }
+
+    /// The continuous state.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The world.
+    pub fn environment(&self) -> &Environment {
+        &self.environment
+    }
+
+    /// Height of the pivot above the pad when the full vehicle rests on its legs [m].
+    pub fn rest_height_m(&self) -> f64 {
+        self.rest_height_m
+    }
+
+    /// Events since the last call.
+    pub fn take_events(&mut self) -> std::vec::Drain<'_, PlantEvent> {
+        self.events.drain(..)
+    }
+
+    /// What sensors see now.
+    pub fn truth(&self, now: &Snapshot) -> Truth {
+        let state = &self.state;
+        Truth {
+            position_ned_m: state.position_ned_m,
+            velocity_ned_m_s: state.velocity_ned_m_s,
+            q_ned_from_body: now.q_ned_from_body,
+            rate_body_rad_s: state.rate_body_rad_s,
+            specific_force_integral_body_m_s: state.imu_velocity_body_m_s,
+            rate_integral_body_rad: state.imu_angle_body_rad,
+            wind_ned_m_s: now.wind_ned_m_s,
+            tank_pa: now.tank_pa,
+            bottle_pa: now.bottle_pa,
+            injector_inlet_pa: now.injector_inlet_pa,
+            chamber_pa: now.chamber_pa,
+        }
+    }
+}
+
+fn motion(state: &State) -> Motion {
+    Motion {
+        position_ned_m: state.position_ned_m,
+        velocity_ned_m_s: state.velocity_ned_m_s,
+        ned_from_body: state.attitude().to_rotation_matrix().into_inner(),
+        rate_body_rad_s: state.rate_body_rad_s,
+    }
 }
