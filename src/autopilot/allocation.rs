@@ -1,0 +1,237 @@
+//! Allocation: thrust and torque into valve, gimbal and thruster commands, by plain tables and geometry.
+
+use crate::frame::Vec3;
+use crate::signal::Throttle;
+
+/// The engine's inverse as a flight computer carries it: tables over thrust and port radius.
+///
+/// Rows are port radii, columns thrusts, both rising. Filled from the propulsion model or from tests;
+/// values between nodes are bilinear, outside the nearest edge holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ThrustMap {
+    /// Thrust of the columns [N].
+    pub thrust_n: Vec<f64>,
+    /// Port radius of the rows [m].
+    pub port_radius_m: Vec<f64>,
+    /// Valve angle that gives the thrust [rad].
+    pub valve_rad: Vec<Vec<f64>>,
+    /// Oxidiser flow at that point [kg/s].
+    pub oxidizer_kg_s: Vec<Vec<f64>>,
+    /// Fuel flow at that point [kg/s].
+    pub fuel_kg_s: Vec<Vec<f64>>,
+}
+
+impl ThrustMap {
+    /// Valve angle for a thrust [rad].
+    pub fn valve_angle_rad(&self, thrust_n: f64, port_radius_m: f64) -> f64 {
+        self.lookup(&self.valve_rad, thrust_n, port_radius_m)
+    }
+
+    /// Oxidiser and fuel flow at a thrust [kg/s].
+    pub fn flows_kg_s(&self, thrust_n: f64, port_radius_m: f64) -> (f64, f64) {
+        (
+            self.lookup(&self.oxidizer_kg_s, thrust_n, port_radius_m),
+            self.lookup(&self.fuel_kg_s, thrust_n, port_radius_m),
+        )
+    }
+
+    /// Thrust that a valve angle gives [N]: the inverse of [`Self::valve_angle_rad`], by bisection.
+    /// Outside the table the nearest edge holds, but a shut valve gives nothing.
+    pub fn thrust_at_valve_n(&self, valve_rad: f64, port_radius_m: f64) -> f64 {
+        let (Some(&least), Some(&most)) = (self.thrust_n.first(), self.thrust_n.last()) else { return 0.0 };
+        if valve_rad < 0.3 * self.valve_angle_rad(least, port_radius_m) {
+            return 0.0;
+        }
+        let (mut low, mut high) = (least, most);
+        for _ in 0..24 {
+            let middle = 0.5 * (low + high);
+            if self.valve_angle_rad(middle, port_radius_m) < valve_rad { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    /// The table has the shape it claims and rises where it must.
+    pub fn is_consistent(&self) -> bool {
+        let rising = |v: &[f64]| !v.is_empty() && v.windows(2).all(|w| w[1] > w[0]);
+        let shaped = |t: &[Vec<f64>]| {
+            t.len() == self.port_radius_m.len()
+                && t.iter().all(|row| row.len() == self.thrust_n.len() && row.iter().all(|x| x.is_finite()))
+        };
+        rising(&self.thrust_n)
+            && rising(&self.port_radius_m)
+            && shaped(&self.valve_rad)
+            && shaped(&self.oxidizer_kg_s)
+            && shaped(&self.fuel_kg_s)
+            && self.valve_rad.iter().all(|row| rising(row))
+    }
+
+    fn lookup(&self, table: &[Vec<f64>], thrust_n: f64, port_radius_m: f64) -> f64 {
+        let (i, u) = bracket(&self.port_radius_m, port_radius_m);
+        let (j, v) = bracket(&self.thrust_n, thrust_n);
+        let at = |row: usize, column: usize| {
+            table.get(row).and_then(|r| r.get(column).or(r.last())).copied().unwrap_or(0.0)
+        };
+        let i1 = (i + 1).min(self.port_radius_m.len().saturating_sub(1));
+        let j1 = (j + 1).min(self.thrust_n.len().saturating_sub(1));
+        (1.0 - u) * ((1.0 - v) * at(i, j) + v * at(i, j1)) + u * ((1.0 - v) * at(i1, j) + v * at(i1, j1))
+    }
+}
+
+/// Interval of a rising grid that holds `x`, and the share of it; clamped to the ends.
+fn bracket(grid: &[f64], x: f64) -> (usize, f64) {
+    if grid.len() < 2 || !(x > grid[0]) {
+        return (0, 0.0);
+    }
+    let upper = grid.partition_point(|&g| g < x).clamp(1, grid.len() - 1);
+    let (a, b) = (grid[upper - 1], grid[upper]);
+    (upper - 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
+}
+
+/// Which language the throttle demand is emitted in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ThrottleOutput {
+    /// [`Throttle::ThrustN`]: the plant's engine controller finds the valve angle.
+    #[default]
+    Thrust,
+    /// [`Throttle::ValveRad`] through the [`ThrustMap`].
+    Valve,
+}
+
+/// Limits of what can be commanded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActuatorParameters {
+    /// Lower end of the throttle band [N].
+    pub thrust_min_n: f64,
+    /// Upper end of the throttle band [N].
+    pub thrust_max_n: f64,
+    /// Gimbal limit per axis [rad].
+    pub gimbal_limit_rad: f64,
+    /// Gimbal rate limit per axis [rad/s].
+    pub gimbal_rate_limit_rad_s: f64,
+    /// Moment of one roll thruster pair [N m].
+    pub rcs_torque_n_m: f64,
+    /// Roll commands under this share of full are not sent.
+    pub rcs_dead_band: f64,
+    /// Language of the throttle.
+    pub throttle_output: ThrottleOutput,
+}
+
+/// Share of the gimbal limit and rate limit that control may use; the rest is for what it does not know.
+const GIMBAL_AUTHORITY: f64 = 0.95;
+const GIMBAL_RATE_AUTHORITY: f64 = 0.7;
+
+/// What the gimbal can give, and what it was told last.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Allocation {
+    gimbal_x_rad: f64,
+    gimbal_y_rad: f64,
+}
+
+/// Outcome of one allocation.
+#[derive(Clone, Copy, Debug)]
+pub struct Allocated {
+    /// Gimbal command about FRD x [rad].
+    pub gimbal_x_rad: f64,
+    /// Gimbal command about FRD y [rad].
+    pub gimbal_y_rad: f64,
+    /// Roll command, -1..1.
+    pub rcs_roll: f64,
+    /// The gimbal could not give the torque asked for, per axis x, y: integrators hold.
+    pub saturated: [bool; 2],
+}
+
+impl Allocation {
+    /// Continues from the gimbal angles somebody else commanded.
+    pub const fn resume(gimbal_x_rad: f64, gimbal_y_rad: f64) -> Self {
+        Self { gimbal_x_rad, gimbal_y_rad }
+    }
+
+    /// Torque about the COM [N m] into gimbal angles and roll command: `M = T l sin δ` with thrust T
+    /// along a line through the pivot, a lever arm l below the COM.
+    pub fn step(
+        &mut self,
+        parameters: &ActuatorParameters,
+        torque_body_n_m: Vec3,
+        thrust_n: f64,
+        lever_arm_m: f64,
+        dt_s: f64,
+    ) -> Allocated {
+        let moment_n_m = (thrust_n * lever_arm_m).max(0.25 * parameters.thrust_min_n * lever_arm_m.max(0.05));
+        let limit = GIMBAL_AUTHORITY * parameters.gimbal_limit_rad;
+        let step = GIMBAL_RATE_AUTHORITY * parameters.gimbal_rate_limit_rad_s * dt_s;
+        let axis = |torque: f64, last: f64| {
+            let wanted = libm::asin((torque / moment_n_m).clamp(-0.5, 0.5));
+            let angle = wanted.clamp(-limit, limit).clamp(last - step, last + step);
+            (angle, (wanted - angle).abs() > 1e-3)
+        };
+        let (x, saturated_x) = axis(torque_body_n_m.x, self.gimbal_x_rad);
+        let (y, saturated_y) = axis(torque_body_n_m.y, self.gimbal_y_rad);
+        (self.gimbal_x_rad, self.gimbal_y_rad) = (x, y);
+
+        let roll = torque_body_n_m.z / parameters.rcs_torque_n_m.max(1e-6);
+        let rcs_roll = if roll.abs() < parameters.rcs_dead_band { 0.0 } else { roll.clamp(-1.0, 1.0) };
+        Allocated { gimbal_x_rad: x, gimbal_y_rad: y, rcs_roll, saturated: [saturated_x, saturated_y] }
+    }
+}
+
+impl ActuatorParameters {
+    /// Throttle command for a thrust [N], in the language chosen.
+    pub fn throttle(&self, map: &ThrustMap, thrust_n: f64, port_radius_m: f64) -> Throttle {
+        match self.throttle_output {
+            ThrottleOutput::Thrust => Throttle::ThrustN(thrust_n),
+            ThrottleOutput::Valve if thrust_n > 0.0 => {
+                Throttle::ValveRad(map.valve_angle_rad(thrust_n, port_radius_m))
+            }
+            ThrottleOutput::Valve => Throttle::ValveRad(0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map() -> ThrustMap {
+        ThrustMap {
+            thrust_n: vec![300.0, 600.0, 1000.0],
+            port_radius_m: vec![0.025, 0.06],
+            valve_rad: vec![vec![0.26, 0.36, 0.50], vec![0.27, 0.38, 0.53]],
+            oxidizer_kg_s: vec![vec![0.15, 0.27, 0.43]; 2],
+            fuel_kg_s: vec![vec![0.04, 0.056, 0.072]; 2],
+        }
+    }
+
+    #[test]
+    fn valve_and_thrust_are_inverse_between_the_nodes() {
+        let map = map();
+        assert!(map.is_consistent());
+        for thrust in [310.0, 500.0, 777.0, 990.0] {
+            let angle = map.valve_angle_rad(thrust, 0.04);
+            // 24 bisections of 700 N leave 4e-5 N.
+            assert!((map.thrust_at_valve_n(angle, 0.04) - thrust).abs() < 1e-3);
+        }
+        assert_eq!(map.thrust_at_valve_n(0.0, 0.04), 0.0);
+    }
+
+    #[test]
+    fn a_small_torque_comes_back_from_thrust_and_lever_arm() {
+        let parameters = ActuatorParameters {
+            thrust_min_n: 300.0,
+            thrust_max_n: 1050.0,
+            gimbal_limit_rad: 0.122,
+            gimbal_rate_limit_rad_s: 1.57,
+            rcs_torque_n_m: 2.0,
+            rcs_dead_band: 0.06,
+            throttle_output: ThrottleOutput::Thrust,
+        };
+        let mut allocation = Allocation::default();
+        let out = allocation.step(&parameters, Vec3::new(1.0, -0.5, 3.0), 700.0, 0.4, 0.004);
+        assert!((700.0 * 0.4 * libm::sin(out.gimbal_x_rad) - 1.0).abs() < 1e-12);
+        assert!((700.0 * 0.4 * libm::sin(out.gimbal_y_rad) + 0.5).abs() < 1e-12);
+        assert_eq!(out.rcs_roll, 1.0);
+        assert_eq!(out.saturated, [false, false]);
+        // The rate limit holds a jump back and says so.
+        let out = allocation.step(&parameters, Vec3::new(100.0, 0.0, 0.0), 700.0, 0.4, 0.004);
+        assert!(out.gimbal_x_rad < 0.01 && out.saturated[0]);
+    }
+}

@@ -1,0 +1,294 @@
+//! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate →
+//! torque.
+//!
+//! The swinging engine puts a pair of zeros of torque over gimbal angle at √(T l/(I_g + m_e l_e l)), near
+//! 12 rad/s for this class of vehicle, and the liquid sloshes near 14 rad/s with 3 % damping. The rate
+//! loop therefore crosses over near a third of that: above the zeros the gimbal's inertial reaction has
+//! the sign of a rate feedback, so that the loop stays stable, but nothing is gained by going there.
+//! The centre of mass is what is controlled: at the pivot the side force would act the wrong way first.
+
+use super::guidance::Reference;
+use super::propellant::MassPoint;
+use crate::frame::{Vec3, heading_rad};
+use nalgebra::UnitQuaternion;
+
+/// Gains, as rates of the loops [1/s] so that they do not depend on mass or inertia.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// Height error to climb speed [1/s].
+    pub height_1_s: f64,
+    /// Climb speed error to acceleration [1/s].
+    pub climb_1_s: f64,
+    /// Horizontal position error to speed [1/s].
+    pub position_1_s: f64,
+    /// Horizontal speed error to acceleration [1/s].
+    pub velocity_1_s: f64,
+    /// Integral of the horizontal speed error [1/s²].
+    pub velocity_integral_1_s2: f64,
+    /// Tilt error to body rate [1/s].
+    pub attitude_1_s: f64,
+    /// Body rate error to angular acceleration [1/s].
+    pub rate_1_s: f64,
+    /// Integral of the tilt error, as a share of the proportional path per second [1/s].
+    pub attitude_integral_1_s: f64,
+    /// Heading error to roll rate [1/s].
+    pub heading_1_s: f64,
+    /// Roll rate error to angular acceleration [1/s].
+    pub roll_rate_1_s: f64,
+}
+
+impl Default for Gains {
+    /// For a valve of 5 Hz, gimbal of 8 Hz, zeros at 12 rad/s: each loop at half the next inner one or less.
+    fn default() -> Self {
+        Self {
+            height_1_s: 1.0,
+            climb_1_s: 2.5,
+            position_1_s: 0.45,
+            velocity_1_s: 1.0,
+            velocity_integral_1_s2: 0.25,
+            attitude_1_s: 2.0,
+            rate_1_s: 4.5,
+            attitude_integral_1_s: 0.4,
+            heading_1_s: 0.6,
+            roll_rate_1_s: 1.2,
+        }
+    }
+}
+
+/// Limits of the demand.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Greatest tilt commanded [rad].
+    pub tilt_rad: f64,
+    /// Least thrust [N].
+    pub thrust_min_n: f64,
+    /// Greatest thrust [N].
+    pub thrust_max_n: f64,
+    /// Gravity [m/s²].
+    pub gravity_m_s2: f64,
+}
+
+/// What the controller looks at: motion of the centre of mass, attitude, rate.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    /// Position of the centre of mass [m].
+    pub position_ned_m: Vec3,
+    /// Its velocity [m/s].
+    pub velocity_ned_m_s: Vec3,
+    /// Attitude.
+    pub q_ned_from_body: UnitQuaternion<f64>,
+    /// Body rate, bias removed [rad/s].
+    pub rate_body_rad_s: Vec3,
+}
+
+/// What the controller asks for.
+#[derive(Clone, Copy, Debug)]
+pub struct Demand {
+    /// Thrust [N].
+    pub thrust_n: f64,
+    /// Torque about the centre of mass [N m].
+    pub torque_body_n_m: Vec3,
+}
+
+/// Greatest climb or sink the height error may ask for beyond the reference [m/s].
+const CLIMB_CORRECTION_M_S: f64 = 1.5;
+/// Greatest speed the position error may ask for beyond the reference [m/s].
+const LATERAL_CORRECTION_M_S: f64 = 1.5;
+/// Greatest acceleration the velocity integral may hold: 4 % of gravity, a 15 m/s wind [m/s²].
+const INTEGRAL_LIMIT_M_S2: f64 = 0.8;
+/// Greatest angle, as thrust misalignment, that the attitude integral may hold [rad].
+const TRIM_ANGLE_LIMIT_RAD: f64 = 0.05;
+/// Greatest body rate asked for across the long axis [rad/s].
+const RATE_LIMIT_RAD_S: f64 = 0.5;
+
+/// Integrators of the cascade.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Controller {
+    acceleration_ne_m_s2: [f64; 2],
+    torque_xy_n_m: [f64; 2],
+}
+
+impl Controller {
+    /// Takes over from somebody who held `torque_xy_n_m` with the gimbal and flew with the horizontal
+    /// acceleration `acceleration_ne_m_s2`: the first demand repeats theirs at zero error.
+    pub const fn resume(torque_xy_n_m: [f64; 2], acceleration_ne_m_s2: [f64; 2]) -> Self {
+        Self { acceleration_ne_m_s2, torque_xy_n_m }
+    }
+
+    /// One step. `airborne` lets the integrators run; `saturated` holds those of the gimbal axes x, y.
+    #[allow(clippy::too_many_arguments)]
+    pub fn step(
+        &mut self,
+        gains: &Gains,
+        limits: &Limits,
+        reference: &Reference,
+        motion: &Motion,
+        mass: &MassPoint,
+        integrate: Integrate,
+        dt_s: f64,
+    ) -> Demand {
+        let acceleration = self.acceleration(gains, limits, reference, motion, mass, integrate, dt_s);
+        let up_force = acceleration - Vec3::new(0.0, 0.0, limits.gravity_m_s2); // thrust over mass, NED
+        let axis_up = motion.q_ned_from_body * -Vec3::z();
+        // The vertical part is what must be right: what the tilt takes away is given back, within reason.
+        let cosine = (-axis_up.z).max(0.7);
+        let thrust_n = (mass.mass_kg * -up_force.z / cosine).clamp(limits.thrust_min_n, limits.thrust_max_n);
+        let torque_body_n_m =
+            self.torque(gains, reference, motion, mass, up_force, thrust_n, integrate, dt_s);
+        Demand { thrust_n, torque_body_n_m }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn acceleration(
+        &mut self,
+        gains: &Gains,
+        limits: &Limits,
+        reference: &Reference,
+        motion: &Motion,
+        mass: &MassPoint,
+        integrate: Integrate,
+        dt_s: f64,
+    ) -> Vec3 {
+        // The reference is of the pivot on an upright vehicle, the motion that of the centre of mass above it.
+        let above = Vec3::new(0.0, 0.0, mass.com_body_m.z);
+        let position_error = reference.position_ned_m + above - motion.position_ned_m;
+        let mut correction = position_error * gains.position_1_s;
+        let lateral = libm::hypot(correction.x, correction.y);
+        if lateral > LATERAL_CORRECTION_M_S {
+            correction *= LATERAL_CORRECTION_M_S / lateral;
+        }
+        correction.z =
+            (position_error.z * gains.height_1_s).clamp(-CLIMB_CORRECTION_M_S, CLIMB_CORRECTION_M_S);
+        let velocity_error = reference.velocity_ned_m_s + correction - motion.velocity_ned_m_s;
+
+        let mut a = reference.acceleration_ned_m_s2;
+        a.x += gains.velocity_1_s * velocity_error.x + self.acceleration_ne_m_s2[0];
+        a.y += gains.velocity_1_s * velocity_error.y + self.acceleration_ne_m_s2[1];
+        a.z += gains.climb_1_s * velocity_error.z;
+        a.z = a.z.clamp(-0.5 * limits.gravity_m_s2, 0.5 * limits.gravity_m_s2);
+
+        let lateral = libm::hypot(a.x, a.y);
+        let most = (limits.gravity_m_s2 - a.z) * libm::tan(limits.tilt_rad);
+        if lateral > most {
+            a.x *= most / lateral;
+            a.y *= most / lateral;
+        } else if integrate.airborne {
+            for (i, error) in [velocity_error.x, velocity_error.y].into_iter().enumerate() {
+                let next = self.acceleration_ne_m_s2[i] + gains.velocity_integral_1_s2 * error * dt_s;
+                self.acceleration_ne_m_s2[i] = next.clamp(-INTEGRAL_LIMIT_M_S2, INTEGRAL_LIMIT_M_S2);
+            }
+        }
+        a
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn torque(
+        &mut self,
+        gains: &Gains,
+        reference: &Reference,
+        motion: &Motion,
+        mass: &MassPoint,
+        up_force: Vec3,
+        thrust_n: f64,
+        integrate: Integrate,
+        dt_s: f64,
+    ) -> Vec3 {
+        // Tilt: turn the body's up axis onto the wanted force, by the shortest way, in body axes.
+        let wanted_up = motion.q_ned_from_body.inverse() * up_force;
+        let wanted_up = wanted_up / wanted_up.norm().max(1e-6);
+        let up = -Vec3::z();
+        let turn = up.cross(&wanted_up);
+        let sine = turn.norm();
+        let angle = libm::atan2(sine, up.dot(&wanted_up));
+        let tilt_error = if sine > 1e-9 { turn * (angle / sine) } else { Vec3::zeros() };
+
+        let mut rate = tilt_error * gains.attitude_1_s;
+        let size = libm::hypot(rate.x, rate.y);
+        if size > RATE_LIMIT_RAD_S {
+            rate *= RATE_LIMIT_RAD_S / size;
+        }
+        let heading_error = wrap(reference.heading_rad - heading_rad(&motion.q_ned_from_body));
+        rate.z = (gains.heading_1_s * heading_error).clamp(-0.3, 0.3);
+
+        let rate_error = rate - motion.rate_body_rad_s;
+        let inertia = mass.inertia_kg_m2;
+        let lever_arm_m = -mass.com_body_m.z;
+        let most = thrust_n * lever_arm_m * TRIM_ANGLE_LIMIT_RAD;
+        for (i, (inertia, error)) in
+            [(inertia[0], rate_error.x), (inertia[1], rate_error.y)].into_iter().enumerate()
+        {
+            if integrate.airborne && !integrate.saturated[i] {
+                let gain = inertia * gains.rate_1_s * gains.attitude_integral_1_s;
+                self.torque_xy_n_m[i] = (self.torque_xy_n_m[i] + gain * error * dt_s).clamp(-most, most);
+            }
+        }
+        Vec3::new(
+            inertia[0] * gains.rate_1_s * rate_error.x + self.torque_xy_n_m[0],
+            inertia[1] * gains.rate_1_s * rate_error.y + self.torque_xy_n_m[1],
+            inertia[2] * gains.roll_rate_1_s * rate_error.z,
+        )
+    }
+}
+
+/// Which integrators may run.
+#[derive(Clone, Copy, Debug)]
+pub struct Integrate {
+    /// Off the ground: what the legs hold is no error.
+    pub airborne: bool,
+    /// Gimbal axes that cannot give more.
+    pub saturated: [bool; 2],
+}
+
+fn wrap(angle_rad: f64) -> f64 {
+    use core::f64::consts::{PI, TAU};
+    if angle_rad > PI {
+        angle_rad - TAU
+    } else if angle_rad < -PI {
+        angle_rad + TAU
+    } else {
+        angle_rad
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits =
+        Limits { tilt_rad: 0.2, thrust_min_n: 300.0, thrust_max_n: 1050.0, gravity_m_s2: 9.80665 };
+
+    fn mass() -> MassPoint {
+        MassPoint { mass_kg: 70.0, com_body_m: Vec3::new(0.0, 0.0, -0.4), inertia_kg_m2: [22.0, 22.0, 2.4] }
+    }
+
+    fn motion(position: Vec3) -> Motion {
+        Motion {
+            position_ned_m: position,
+            velocity_ned_m_s: Vec3::zeros(),
+            q_ned_from_body: UnitQuaternion::identity(),
+            rate_body_rad_s: Vec3::zeros(),
+        }
+    }
+
+    fn demand(motion: &Motion) -> Demand {
+        let integrate = Integrate { airborne: true, saturated: [false; 2] };
+        let reference = Reference::default();
+        Controller::default().step(&Gains::default(), &LIMITS, &reference, motion, &mass(), integrate, 0.004)
+    }
+
+    #[test]
+    fn at_the_reference_it_carries_the_weight_and_nothing_else() {
+        let d = demand(&motion(Vec3::new(0.0, 0.0, -0.4)));
+        assert!((d.thrust_n - 70.0 * 9.80665).abs() < 1e-9);
+        assert!(d.torque_body_n_m.norm() < 1e-9);
+    }
+
+    #[test]
+    fn too_far_north_tilts_south_and_too_low_gives_thrust() {
+        // A positive turn about east leans the nose, which is body -z, to the south.
+        let d = demand(&motion(Vec3::new(1.0, 0.0, -0.4)));
+        assert!(d.torque_body_n_m.y > 1.0 && d.torque_body_n_m.x.abs() < 1e-9);
+        let d = demand(&motion(Vec3::new(0.0, 0.0, 0.1)));
+        assert!(d.thrust_n > 70.0 * 9.80665);
+    }
+}

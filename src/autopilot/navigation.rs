@@ -1,0 +1,737 @@
+//! Navigation: error-state Kalman filter over inertial, satellite, pressure, magnetic and laser
+//! measurements.
+//!
+//! The point navigated is the inertial unit itself, so that neither angular acceleration nor the moving
+//! centre of mass enter the prediction; pivot and centre of mass follow by lever arm. Twenty error states:
+//! position, velocity, attitude (turned in NED axes), gyroscope and accelerometer bias, barometer offset,
+//! drift of the satellite position since the alignment, and the heading error of the magnetometer.
+//! Each measurement is a scalar, gated at 5 σ, compared with the state of the instant it was taken (a
+//! history holds the last half second) and applied to the present. While the vehicle certainly stands,
+//! "here, and not moving" is a measurement too: it fixes the drift, and tells tilt from accelerometer
+//! bias as far as that can be told.
+//!
+//! Equations: J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, with the attitude
+//! error on the world side. Flat, non-turning Earth: valid for flights of a minute within a kilometre.
+
+use super::alignment::{Aligned, Alignment};
+use crate::frame::{Vec3, skew};
+use crate::signal::{AltimeterSample, BarometerSample, GnssFix, Measurement};
+use crate::time::SimTime;
+use nalgebra::{SMatrix, SVector, UnitQuaternion};
+
+/// Number of error states.
+pub const STATES: usize = 20;
+const P: usize = 0;
+const V: usize = 3;
+const TH: usize = 6;
+const BG: usize = 9;
+const BA: usize = 12;
+const BARO: usize = 15;
+const DRIFT: usize = 16;
+const HEADING: usize = 19;
+
+type Covariance = SMatrix<f64, STATES, STATES>;
+type Row = SVector<f64, STATES>;
+
+/// Satellite receiver as the flight computer knows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GnssParameters {
+    /// From the instant of the fix to its delivery [s].
+    pub delay_s: f64,
+    /// Antenna, body FRD from the pivot [m].
+    pub antenna_body_m: Vec3,
+    /// White noise of position, horizontal and vertical [m].
+    pub position_std_m: [f64; 2],
+    /// Slow drift of position, horizontal and vertical [m].
+    pub drift_std_m: [f64; 2],
+    /// Its correlation time [s].
+    pub drift_time_s: f64,
+    /// White noise of velocity, horizontal and vertical [m/s].
+    pub velocity_std_m_s: [f64; 2],
+}
+
+/// Everything the filter has to know. Noise figures are of one sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NavigationParameters {
+    /// Inertial unit, body FRD from the pivot [m].
+    pub imu_body_m: Vec3,
+    /// Accelerometer noise [m/s²], bias [m/s²], bias random walk [m/s² per √s].
+    pub accelerometer: [f64; 3],
+    /// Gyroscope noise [rad/s], bias after alignment [rad/s], bias random walk [rad/s per √s].
+    pub gyroscope: [f64; 3],
+    /// Satellite navigation.
+    pub gnss: GnssParameters,
+    /// Barometer noise [m], random walk [m per √s].
+    pub barometer_m: [f64; 2],
+    /// Its delay [s].
+    pub barometer_delay_s: f64,
+    /// Altimeter noise [m] and share of range.
+    pub altimeter: [f64; 2],
+    /// Altimeter, body FRD from the pivot [m]; it looks along +z.
+    pub altimeter_body_m: Vec3,
+    /// Its delay [s].
+    pub altimeter_delay_s: f64,
+    /// Magnetic field at the site from a field model, NED [T]. `None`: the heading on the pad is `rest_heading_rad`.
+    pub magnetic_field_ned_t: Option<Vec3>,
+    /// Magnetometer noise and hard iron left after calibration [T].
+    pub magnetometer_t: [f64; 2],
+    /// Heading on the pad where no field is known [rad].
+    pub rest_heading_rad: f64,
+    /// Pivot at rest, from the local origin on the pad surface [m].
+    pub rest_ned_m: Vec3,
+    /// Gravity at the site [m/s²].
+    pub gravity_m_s2: f64,
+}
+
+/// Nominal state.
+#[derive(Clone, Copy, Debug)]
+struct Nominal {
+    position_ned_m: Vec3,
+    velocity_ned_m_s: Vec3,
+    q_ned_from_body: UnitQuaternion<f64>,
+    gyro_bias_rad_s: Vec3,
+    accel_bias_m_s2: Vec3,
+    baro_offset_m: f64,
+    gnss_drift_ned_m: Vec3,
+    heading_bias_rad: f64,
+}
+
+impl Nominal {
+    fn is_finite(&self) -> bool {
+        let vectors = [
+            self.position_ned_m,
+            self.velocity_ned_m_s,
+            self.gyro_bias_rad_s,
+            self.accel_bias_m_s2,
+            self.gnss_drift_ned_m,
+        ];
+        vectors.iter().all(|v| v.iter().all(|x| x.is_finite()))
+            && self.q_ned_from_body.coords.iter().all(|x| x.is_finite())
+            && self.baro_offset_m.is_finite()
+            && self.heading_bias_rad.is_finite()
+    }
+}
+
+/// One past state, for measurements that come late.
+#[derive(Clone, Copy, Debug)]
+struct Past {
+    time: SimTime,
+    position_ned_m: Vec3,
+    velocity_ned_m_s: Vec3,
+    q_ned_from_body: UnitQuaternion<f64>,
+    rate_body_rad_s: Vec3,
+    corrected_position_m: Vec3,
+    corrected_velocity_m_s: Vec3,
+}
+
+/// Entries of the history: half a second at 250 Hz.
+const HISTORY: usize = 128;
+
+/// Whether the vehicle is known to stand still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// Where it was aligned.
+    OnPad,
+    /// Somewhere on the ground.
+    Landed,
+    /// Not known to stand.
+    No,
+}
+
+/// Counters for the curious.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NavigationHealth {
+    /// Measurements refused by a gate or because they were no numbers.
+    pub rejected: u64,
+    /// Times the covariance had to be rebuilt.
+    pub resets: u64,
+}
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub struct Navigation {
+    parameters: NavigationParameters,
+    alignment: Alignment,
+    aligned: bool,
+    now: Nominal,
+    covariance: Covariance,
+    history: [Past; HISTORY],
+    newest: usize,
+    corrected_position_m: Vec3,
+    corrected_velocity_m_s: Vec3,
+    rate_body_rad_s: Vec3,
+    specific_force_body_m_s2: Vec3,
+    time: Option<SimTime>,
+    origin: Option<Vec3>,
+    altimeter_offset_m: f64,
+    gnss_refused: u32,
+    altimeter_refused: u32,
+    standing_for: u32,
+    health: NavigationHealth,
+}
+
+impl Navigation {
+    /// Before alignment: upright at the rest position.
+    pub fn new(parameters: NavigationParameters) -> Self {
+        let now = Nominal {
+            position_ned_m: parameters.rest_ned_m + parameters.imu_body_m,
+            velocity_ned_m_s: Vec3::zeros(),
+            q_ned_from_body: UnitQuaternion::identity(),
+            gyro_bias_rad_s: Vec3::zeros(),
+            accel_bias_m_s2: Vec3::zeros(),
+            baro_offset_m: 0.0,
+            gnss_drift_ned_m: Vec3::zeros(),
+            heading_bias_rad: 0.0,
+        };
+        let past = Past {
+            time: SimTime::ZERO,
+            position_ned_m: now.position_ned_m,
+            velocity_ned_m_s: Vec3::zeros(),
+            q_ned_from_body: now.q_ned_from_body,
+            rate_body_rad_s: Vec3::zeros(),
+            corrected_position_m: Vec3::zeros(),
+            corrected_velocity_m_s: Vec3::zeros(),
+        };
+        let mut navigation = Self {
+            parameters,
+            alignment: Alignment::default(),
+            aligned: false,
+            now,
+            covariance: Covariance::zeros(),
+            history: [past; HISTORY],
+            newest: 0,
+            corrected_position_m: Vec3::zeros(),
+            corrected_velocity_m_s: Vec3::zeros(),
+            rate_body_rad_s: Vec3::zeros(),
+            specific_force_body_m_s2: Vec3::zeros(),
+            time: None,
+            origin: None,
+            altimeter_offset_m: 0.0,
+            gnss_refused: 0,
+            altimeter_refused: 0,
+            standing_for: 0,
+            health: NavigationHealth::default(),
+        };
+        navigation.covariance = navigation.initial_covariance(1.0);
+        navigation
+    }
+
+    /// The local origin and all biases are known.
+    pub const fn is_aligned(&self) -> bool {
+        self.aligned
+    }
+
+    /// Averages at rest until `duration_s` is reached and satellite navigation has answered; then the
+    /// filter starts. With `duration_s` zero it starts from whatever there is.
+    pub fn align(&mut self, m: &Measurement, duration_s: f64) {
+        self.alignment.add(m, self.parameters.gravity_m_s2);
+        self.time = Some(m.time);
+        if let Some(imu) = &m.imu {
+            self.rate_body_rad_s = imu.rate_body_rad_s;
+            self.specific_force_body_m_s2 = imu.specific_force_body_m_s2;
+        }
+        if self.alignment.duration_s < duration_s {
+            return;
+        }
+        if let Some(aligned) = self.alignment.result()
+            && aligned.fixes >= 3.0
+        {
+            self.start(&aligned);
+        }
+    }
+
+    fn start(&mut self, a: &Aligned) {
+        let p = &self.parameters;
+        let q = attitude_at_rest(a, p);
+        self.now.q_ned_from_body = q;
+        self.now.position_ned_m = p.rest_ned_m + q * p.imu_body_m;
+        self.now.velocity_ned_m_s = Vec3::zeros();
+        self.now.gyro_bias_rad_s = a.rate_body_rad_s;
+        // Along gravity the accelerometer's error is its bias; across it, tilt and bias look the same.
+        let up = a.specific_force_body_m_s2.normalize();
+        self.now.accel_bias_m_s2 = up * (a.specific_force_body_m_s2.norm() - p.gravity_m_s2);
+        self.now.baro_offset_m = a.pressure_altitude_m.map_or(0.0, |h| h + self.now.position_ned_m.z);
+        self.now.heading_bias_rad = 0.0;
+        self.now.gnss_drift_ned_m = Vec3::zeros();
+        if let Some(range) = a.range_m {
+            let expected = self.expected_range_m(self.now.position_ned_m, &q);
+            // More than a decimetre is not the sensor's offset but a pad that is not where it should be.
+            self.altimeter_offset_m = (range - expected).clamp(-0.1, 0.1);
+        }
+        if let Some(fix) = a.fix {
+            // Origin so that the mean fix is the antenna where it stands.
+            let antenna = p.rest_ned_m + q * p.gnss.antenna_body_m;
+            let (north_m, east_m) = meters_per_radian(fix.x, fix.z);
+            self.origin =
+                Some(Vec3::new(fix.x - antenna.x / north_m, fix.y - antenna.y / east_m, fix.z + antenna.z));
+        }
+        self.covariance = self.initial_covariance(a.fixes.max(1.0));
+        self.aligned = true;
+    }
+
+    fn initial_covariance(&self, fixes: f64) -> Covariance {
+        let p = &self.parameters;
+        let mut c = Covariance::zeros();
+        let mut set = |at: usize, n: usize, std: f64| {
+            for i in at..at + n {
+                c[(i, i)] = std * std;
+            }
+        };
+        set(P, 3, 0.01);
+        set(V, 3, 0.02);
+        set(BG, 3, 0.2 * p.gyroscope[1]);
+        set(BA, 3, p.accelerometer[1]);
+        set(BARO, 1, 0.1);
+        set(DRIFT, 2, p.gnss.position_std_m[0] / fixes.sqrt() + 0.1 * p.gnss.drift_std_m[0]);
+        set(DRIFT + 2, 1, p.gnss.position_std_m[1] / fixes.sqrt() + 0.1 * p.gnss.drift_std_m[1]);
+        let heading_bias = self.heading_std_rad(1);
+        set(HEADING, 1, heading_bias.max(1e-4));
+        set(TH, 3, 2e-3);
+        c[(TH + 2, TH + 2)] = heading_bias * heading_bias + 1e-4;
+        c[(TH + 2, HEADING)] = -heading_bias * heading_bias;
+        c[(HEADING, TH + 2)] = -heading_bias * heading_bias;
+        // Levelling mistakes bias for tilt: with specific force (0, 0, -g) in NED, θx = by/g and θy = -bx/g.
+        let r = *self.now.q_ned_from_body.to_rotation_matrix().matrix();
+        let g = p.gravity_m_s2;
+        let mut tilt_from_bias = SMatrix::<f64, 3, 3>::zeros();
+        for j in 0..3 {
+            tilt_from_bias[(0, j)] = r[(1, j)] / g;
+            tilt_from_bias[(1, j)] = -r[(0, j)] / g;
+        }
+        let bias = SMatrix::<f64, 3, 3>::identity() * (p.accelerometer[1] * p.accelerometer[1]);
+        let cross = tilt_from_bias * bias;
+        let tilt = cross * tilt_from_bias.transpose();
+        for i in 0..3 {
+            for j in 0..3 {
+                c[(TH + i, TH + j)] += tilt[(i, j)];
+                c[(TH + i, BA + j)] = cross[(i, j)];
+                c[(BA + j, TH + i)] = cross[(i, j)];
+            }
+        }
+        c
+    }
+
+    /// Error of the heading from one magnetometer reading: `which` 0 its noise, 1 its hard iron [rad].
+    fn heading_std_rad(&self, which: usize) -> f64 {
+        let field = self.parameters.magnetic_field_ned_t.unwrap_or(Vec3::new(2.0e-5, 0.0, 0.0));
+        self.parameters.magnetometer_t[which] / libm::hypot(field.x, field.y).max(1e-6)
+    }
+
+    /// One measurement: prediction with the inertial sample, then whatever else came.
+    pub fn step(&mut self, m: &Measurement, standing: Standing) {
+        let before = self.now;
+        if let Some(imu) = &m.imu {
+            let gap_s = self.time.map_or(imu.interval_s, |t| m.time.since(t).s());
+            // A sample that stands for a lost one too covers the gap; a clock that stands still does not stop us.
+            let dt_s = if gap_s > 0.5 * imu.interval_s { gap_s } else { imu.interval_s }.clamp(0.0, 0.1);
+            let f = imu.specific_force_body_m_s2;
+            let w = imu.rate_body_rad_s;
+            if f.iter().chain(w.iter()).all(|x| x.is_finite()) {
+                self.predict(f - self.now.accel_bias_m_s2, w - self.now.gyro_bias_rad_s, dt_s);
+            } else {
+                self.health.rejected += 1;
+                self.predict(self.specific_force_body_m_s2, self.rate_body_rad_s, dt_s);
+            }
+            self.time = Some(m.time);
+            self.remember(m.time);
+            self.use_rest(standing);
+        }
+        if let Some(fix) = &m.gnss {
+            self.use_gnss(fix, m.time);
+        }
+        if let Some(baro) = &m.barometer {
+            self.use_barometer(baro, m.time);
+        }
+        if let Some(field) = &m.magnetic_field_body_t {
+            self.use_magnetometer(field);
+        }
+        if let Some(altimeter) = &m.altimeter {
+            self.use_altimeter(altimeter, m.time);
+        }
+        self.guard(&before);
+    }
+
+    fn predict(&mut self, f: Vec3, w: Vec3, dt_s: f64) {
+        let p = &self.parameters;
+        let n = &mut self.now;
+        // The sample is a mean over the interval: it acts at the attitude of its middle.
+        let q_middle = n.q_ned_from_body * UnitQuaternion::from_scaled_axis(w * (0.5 * dt_s));
+        let f_ned = q_middle * f;
+        let change = (f_ned + Vec3::new(0.0, 0.0, p.gravity_m_s2)) * dt_s;
+        n.position_ned_m += (n.velocity_ned_m_s + change * 0.5) * dt_s;
+        n.velocity_ned_m_s += change;
+        n.q_ned_from_body = q_middle * UnitQuaternion::from_scaled_axis(w * (0.5 * dt_s));
+        n.q_ned_from_body.renormalize();
+        self.specific_force_body_m_s2 = f;
+        self.rate_body_rad_s = w;
+
+        let r = *q_middle.to_rotation_matrix().matrix();
+        let velocity_from_tilt = -skew(f_ned) * dt_s;
+        let c = &mut self.covariance;
+        // F P, row blocks from the top, so that every block still reads old rows below it; then (F P) Fᵀ.
+        for j in 0..STATES {
+            let mut column = c.column_mut(j);
+            let (th, bg, ba) = (
+                Vec3::new(column[TH], column[TH + 1], column[TH + 2]),
+                Vec3::new(column[BG], column[BG + 1], column[BG + 2]),
+                Vec3::new(column[BA], column[BA + 1], column[BA + 2]),
+            );
+            let dv = velocity_from_tilt * th - r * ba * dt_s;
+            let dth = -(r * bg) * dt_s;
+            for i in 0..3 {
+                column[P + i] += dt_s * column[V + i];
+                column[V + i] += dv[i];
+                column[TH + i] += dth[i];
+            }
+        }
+        for j in 0..STATES {
+            let mut row = c.row_mut(j);
+            let (th, bg, ba) = (
+                Vec3::new(row[TH], row[TH + 1], row[TH + 2]),
+                Vec3::new(row[BG], row[BG + 1], row[BG + 2]),
+                Vec3::new(row[BA], row[BA + 1], row[BA + 2]),
+            );
+            let dv = velocity_from_tilt * th - r * ba * dt_s;
+            let dth = -(r * bg) * dt_s;
+            for i in 0..3 {
+                row[P + i] += dt_s * row[V + i];
+                row[V + i] += dv[i];
+                row[TH + i] += dth[i];
+            }
+        }
+        // White noise of a sample, half as much again for vibration and integration; walks of the slow states.
+        let (velocity, angle) = (1.5 * p.accelerometer[0] * dt_s, 1.5 * p.gyroscope[0] * dt_s);
+        let drift = |std: f64| 2.0 * std * std / p.gnss.drift_time_s.max(1.0) * dt_s;
+        for i in 0..3 {
+            c[(V + i, V + i)] += velocity * velocity;
+            c[(TH + i, TH + i)] += angle * angle;
+            c[(BG + i, BG + i)] += p.gyroscope[2] * p.gyroscope[2] * dt_s;
+            c[(BA + i, BA + i)] += p.accelerometer[2] * p.accelerometer[2] * dt_s;
+            c[(DRIFT + i, DRIFT + i)] += drift(p.gnss.drift_std_m[usize::from(i == 2)]);
+        }
+        c[(BARO, BARO)] += p.barometer_m[1] * p.barometer_m[1] * dt_s;
+    }
+
+    fn remember(&mut self, time: SimTime) {
+        self.newest = (self.newest + 1) % HISTORY;
+        self.history[self.newest] = Past {
+            time,
+            position_ned_m: self.now.position_ned_m,
+            velocity_ned_m_s: self.now.velocity_ned_m_s,
+            q_ned_from_body: self.now.q_ned_from_body,
+            rate_body_rad_s: self.rate_body_rad_s,
+            corrected_position_m: self.corrected_position_m,
+            corrected_velocity_m_s: self.corrected_velocity_m_s,
+        };
+    }
+
+    /// State `delay_s` before `time`, with what has been learnt since.
+    fn recall(&self, time: SimTime, delay_s: f64) -> Past {
+        let wanted = time.since(SimTime::from_s(delay_s));
+        let mut later = self.newest;
+        let mut earlier = self.newest;
+        for back in 0..HISTORY {
+            earlier = (self.newest + HISTORY - back) % HISTORY;
+            if self.history[earlier].time <= wanted || self.history[earlier].time == SimTime::ZERO {
+                break;
+            }
+            later = earlier;
+        }
+        let (a, b) = (&self.history[earlier], &self.history[later]);
+        let corrected = |past: &Past| {
+            (
+                past.position_ned_m + self.corrected_position_m - past.corrected_position_m,
+                past.velocity_ned_m_s + self.corrected_velocity_m_s - past.corrected_velocity_m_s,
+            )
+        };
+        let span_s = b.time.since(a.time).s();
+        let u = if span_s > 0.0 && a.time <= wanted { wanted.since(a.time).s() / span_s } else { 1.0 };
+        let u = u.clamp(0.0, 1.0);
+        let ((pa, va), (pb, vb)) = (corrected(a), corrected(b));
+        Past { time: wanted, position_ned_m: pa + (pb - pa) * u, velocity_ned_m_s: va + (vb - va) * u, ..*b }
+    }
+
+    /// One scalar: `innovation = h · error + noise`. Refused beyond `gate` standard deviations.
+    fn fuse(&mut self, h: &Row, innovation: f64, variance: f64, gate: f64) -> bool {
+        let ph = self.covariance * h;
+        let s = h.dot(&ph) + variance;
+        if !(innovation.is_finite() && s.is_finite() && s > 0.0) || innovation * innovation > gate * gate * s
+        {
+            self.health.rejected += 1;
+            return false;
+        }
+        let gain = ph / s;
+        // The optimal gain makes K s Kᵀ the whole decrease; written so that symmetry survives rounding.
+        for j in 0..STATES {
+            for i in 0..STATES {
+                self.covariance[(i, j)] -= gain[i] * ph[j];
+            }
+        }
+        for i in 0..STATES {
+            // A variance cannot fall below what round-off of the largest leaves of it.
+            if self.covariance[(i, i)] < 1e-14 {
+                self.covariance[(i, i)] = 1e-14;
+            }
+        }
+        self.correct(&(gain * innovation));
+        true
+    }
+
+    fn correct(&mut self, error: &Row) {
+        let block = |at: usize| Vec3::new(error[at], error[at + 1], error[at + 2]);
+        let n = &mut self.now;
+        n.position_ned_m += block(P);
+        n.velocity_ned_m_s += block(V);
+        self.corrected_position_m += block(P);
+        self.corrected_velocity_m_s += block(V);
+        n.q_ned_from_body = UnitQuaternion::from_scaled_axis(block(TH)) * n.q_ned_from_body;
+        n.gyro_bias_rad_s += block(BG);
+        n.accel_bias_m_s2 += block(BA);
+        n.baro_offset_m += error[BARO];
+        n.gnss_drift_ned_m += block(DRIFT);
+        n.heading_bias_rad += error[HEADING];
+    }
+
+    fn use_rest(&mut self, standing: Standing) {
+        if standing == Standing::No {
+            self.standing_for = 0;
+            return;
+        }
+        self.standing_for = self.standing_for.wrapping_add(1);
+        // Ten times in a quarter second is plenty; the legs' give is in the noise.
+        if !self.standing_for.is_multiple_of(10) {
+            return;
+        }
+        for i in 0..3 {
+            let mut h = Row::zeros();
+            h[V + i] = 1.0;
+            self.fuse(&h, -self.now.velocity_ned_m_s[i], 0.03 * 0.03, 10.0);
+        }
+        if standing == Standing::OnPad {
+            let here = self.parameters.rest_ned_m + self.now.q_ned_from_body * self.parameters.imu_body_m;
+            for i in 0..3 {
+                let mut h = Row::zeros();
+                h[P + i] = 1.0;
+                self.fuse(&h, here[i] - self.now.position_ned_m[i], 0.01 * 0.01, 10.0);
+            }
+        }
+    }
+
+    fn use_gnss(&mut self, fix: &GnssFix, time: SimTime) {
+        let Some(origin) = self.origin else { return };
+        if fix.fix_type < 3 {
+            return;
+        }
+        let p = self.parameters.gnss.clone();
+        let past = self.recall(time, p.delay_s);
+        let lever = p.antenna_body_m - self.parameters.imu_body_m;
+        let arm_ned = past.q_ned_from_body * lever;
+        let antenna_velocity =
+            past.velocity_ned_m_s + past.q_ned_from_body * past.rate_body_rad_s.cross(&lever);
+        let antenna = past.position_ned_m + arm_ned;
+
+        let (north_m, east_m) = meters_per_radian(origin.x, origin.z);
+        let measured = Vec3::new(
+            (fix.latitude_rad - origin.x) * north_m,
+            (fix.longitude_rad - origin.y) * east_m,
+            origin.z - fix.altitude_m,
+        );
+        let f_ned = self.now.q_ned_from_body * self.specific_force_body_m_s2;
+        let late = skew(f_ned) * p.delay_s;
+        let arm = -skew(arm_ned);
+        let mut refused = false;
+        for i in 0..3 {
+            let which = usize::from(i == 2);
+            let mut h = Row::zeros();
+            h[P + i] = 1.0;
+            h[V + i] = -p.delay_s;
+            h[DRIFT + i] = 1.0;
+            for j in 0..3 {
+                h[TH + j] = arm[(i, j)];
+            }
+            let innovation = measured[i] - antenna[i] - self.now.gnss_drift_ned_m[i];
+            refused |= !self.fuse(&h, innovation, square(p.position_std_m[which]) + 2.5e-5, 5.0);
+
+            let mut h = Row::zeros();
+            h[V + i] = 1.0;
+            for j in 0..3 {
+                h[TH + j] = late[(i, j)];
+            }
+            let innovation = fix.velocity_ned_m_s[i] - antenna_velocity[i];
+            refused |= !self.fuse(&h, innovation, square(p.velocity_std_m_s[which]) + 1e-4, 5.0);
+        }
+        self.gnss_refused = if refused { self.gnss_refused + 1 } else { 0 };
+        if self.gnss_refused >= 20 {
+            // Two seconds of contradiction: it is the filter that is wrong.
+            self.loosen();
+        }
+    }
+
+    fn use_barometer(&mut self, baro: &BarometerSample, time: SimTime) {
+        let past = self.recall(time, self.parameters.barometer_delay_s);
+        let expected = -past.position_ned_m.z + self.now.baro_offset_m;
+        let mut h = Row::zeros();
+        h[P + 2] = -1.0;
+        h[V + 2] = self.parameters.barometer_delay_s;
+        h[BARO] = 1.0;
+        let variance = square(1.3 * self.parameters.barometer_m[0]);
+        self.fuse(&h, baro.pressure_altitude_m - expected, variance, 5.0);
+    }
+
+    fn use_magnetometer(&mut self, field_body_t: &Vec3) {
+        let Some(reference) = self.parameters.magnetic_field_ned_t else { return };
+        let m = self.now.q_ned_from_body * field_body_t;
+        let horizontal = m.x * m.x + m.y * m.y;
+        if horizontal < 1e-12 {
+            return;
+        }
+        let angle = libm::atan2(reference.y * m.x - reference.x * m.y, reference.x * m.x + reference.y * m.y);
+        let mut h = Row::zeros();
+        h[TH] = -m.z * m.x / horizontal;
+        h[TH + 1] = -m.z * m.y / horizontal;
+        h[TH + 2] = 1.0;
+        h[HEADING] = 1.0;
+        let variance = square(1.3 * self.heading_std_rad(0));
+        self.fuse(&h, angle - self.now.heading_bias_rad, variance, 5.0);
+    }
+
+    fn expected_range_m(&self, imu_ned_m: Vec3, q: &UnitQuaternion<f64>) -> f64 {
+        let lever = self.parameters.altimeter_body_m - self.parameters.imu_body_m;
+        let height = -(imu_ned_m + q * lever).z;
+        let cosine = (q * Vec3::z()).z;
+        height / cosine.max(0.5)
+    }
+
+    fn use_altimeter(&mut self, sample: &AltimeterSample, time: SimTime) {
+        let Some(range_m) = sample.range_m else { return };
+        if range_m < sample.minimum_m || range_m > sample.maximum_m {
+            return;
+        }
+        let p = &self.parameters;
+        let past = self.recall(time, p.altimeter_delay_s);
+        let cosine = (past.q_ned_from_body * Vec3::z()).z;
+        if cosine < 0.85 {
+            return;
+        }
+        let expected =
+            self.expected_range_m(past.position_ned_m, &past.q_ned_from_body) + self.altimeter_offset_m;
+        let arm = past.q_ned_from_body * (p.altimeter_body_m - p.imu_body_m);
+        // range = height / cos: the lever's own height and the slant both change with tilt.
+        let beam = past.q_ned_from_body * Vec3::z();
+        let mut h = Row::zeros();
+        h[P + 2] = -1.0 / cosine;
+        h[V + 2] = p.altimeter_delay_s / cosine;
+        h[TH] = (-arm.y + expected * beam.y * -1.0) / cosine;
+        h[TH + 1] = (arm.x + expected * beam.x) / cosine;
+        let variance = square(p.altimeter[0]) + square(p.altimeter[1] * range_m) + 1e-4;
+        if self.fuse(&h, range_m - expected, variance, 6.0) {
+            self.altimeter_refused = 0;
+        } else {
+            self.altimeter_refused += 1;
+            if self.altimeter_refused >= 50 {
+                // A second of contradiction from a laser near the ground: believe the laser.
+                self.altimeter_refused = 0;
+                self.covariance[(P + 2, P + 2)] += 4.0;
+            }
+        }
+    }
+
+    /// Position and velocity become uncertain again, so that the next fixes pull them in.
+    fn loosen(&mut self) {
+        for i in 0..3 {
+            self.covariance[(P + i, P + i)] += 4.0;
+            self.covariance[(V + i, V + i)] += 0.25;
+        }
+        self.gnss_refused = 0;
+        self.health.resets += 1;
+    }
+
+    /// Nothing that is no number survives a step.
+    fn guard(&mut self, before: &Nominal) {
+        let sound = self.now.is_finite()
+            && (0..STATES).all(|i| self.covariance[(i, i)].is_finite() && self.covariance[(i, i)] >= 0.0);
+        if !sound {
+            self.now = *before;
+            self.covariance = self.initial_covariance(1.0);
+            self.loosen();
+        }
+    }
+
+    /// Attitude.
+    pub const fn q_ned_from_body(&self) -> UnitQuaternion<f64> {
+        self.now.q_ned_from_body
+    }
+
+    /// Body rate, bias removed [rad/s].
+    pub const fn rate_body_rad_s(&self) -> Vec3 {
+        self.rate_body_rad_s
+    }
+
+    /// Specific force at the inertial unit, bias removed [m/s²].
+    pub const fn specific_force_body_m_s2(&self) -> Vec3 {
+        self.specific_force_body_m_s2
+    }
+
+    /// Gyroscope bias [rad/s], accelerometer bias [m/s²], barometer offset [m].
+    pub const fn biases(&self) -> (Vec3, Vec3, f64) {
+        (self.now.gyro_bias_rad_s, self.now.accel_bias_m_s2, self.now.baro_offset_m)
+    }
+
+    /// Position and velocity of the point `body_m` of the vehicle (FRD from the pivot).
+    pub fn point(&self, body_m: Vec3) -> (Vec3, Vec3) {
+        let lever = body_m - self.parameters.imu_body_m;
+        let n = &self.now;
+        (
+            n.position_ned_m + n.q_ned_from_body * lever,
+            n.velocity_ned_m_s + n.q_ned_from_body * self.rate_body_rad_s.cross(&lever),
+        )
+    }
+
+    /// Standard deviations of position [m], velocity [m/s] and attitude [rad], NED axes.
+    pub fn standard_deviations(&self) -> [Vec3; 3] {
+        let block = |at: usize| Vec3::from_fn(|i, _| self.covariance[(at + i, at + i)].max(0.0).sqrt());
+        [block(P), block(V), block(TH)]
+    }
+
+    /// Covariance of position, velocity and attitude, for consistency tests.
+    pub fn motion_covariance(&self) -> SMatrix<f64, 9, 9> {
+        self.covariance.fixed_view::<9, 9>(0, 0).into_owned()
+    }
+
+    /// Counters.
+    pub const fn health(&self) -> NavigationHealth {
+        self.health
+    }
+}
+
+/// Level from the accelerometer, heading from the magnetometer where the field is known.
+fn attitude_at_rest(a: &Aligned, p: &NavigationParameters) -> UnitQuaternion<f64> {
+    let down = -a.specific_force_body_m_s2;
+    let level = UnitQuaternion::rotation_between(&down, &Vec3::z()).unwrap_or(UnitQuaternion::identity());
+    // Heading of body x after levelling, then turned to what the magnetometer says.
+    let forward = level * Vec3::x();
+    let own = libm::atan2(forward.y, forward.x);
+    let heading = match (a.field_body_t, p.magnetic_field_ned_t) {
+        (Some(field), Some(reference)) => {
+            let m = level * field;
+            own + libm::atan2(reference.y, reference.x) - libm::atan2(m.y, m.x)
+        }
+        _ => p.rest_heading_rad,
+    };
+    UnitQuaternion::from_axis_angle(&Vec3::z_axis(), heading - own) * level
+}
+
+/// Length of a radian of latitude and of longitude at a latitude [rad] and height [m]: WGS 84 radii of curvature.
+fn meters_per_radian(latitude_rad: f64, height_m: f64) -> (f64, f64) {
+    const SEMI_MAJOR_M: f64 = 6_378_137.0;
+    const ECCENTRICITY_2: f64 = 6.694_379_990_141_33e-3;
+    let (sine, cosine) = libm::sincos(latitude_rad);
+    let w2 = 1.0 - ECCENTRICITY_2 * sine * sine;
+    let prime_vertical = SEMI_MAJOR_M / w2.sqrt();
+    let meridian = prime_vertical * (1.0 - ECCENTRICITY_2) / w2;
+    (meridian + height_m, ((prime_vertical + height_m) * cosine).max(1.0))
+}
+
+fn square(x: f64) -> f64 {
+    x * x
+}
