@@ -19,10 +19,18 @@ pub enum Kind {
 }
 
 /// A file that cannot be used, for a reason that lies outside its values.
-fn unusable(file: &Path, message: impl Into<String>) -> InputError {
+pub fn unusable(file: &Path, message: impl Into<String>) -> InputError {
     InputError {
         file: file.display().to_string(),
         faults: vec![Fault { line: None, key: String::new(), message: message.into() }],
+    }
+}
+
+/// Scenario and vehicle contradict each other, found when a flight is set up.
+pub fn contradiction(file: &Path, fault: hopbench::input::Invalid) -> InputError {
+    InputError {
+        file: file.display().to_string(),
+        faults: vec![Fault { line: None, key: fault.key, message: fault.message }],
     }
 }
 

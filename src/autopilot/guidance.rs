@@ -137,7 +137,7 @@ impl ReferenceGenerator {
     }
 
     fn target(&self, mission: &Mission) -> Vec3 {
-        self.rest_ned_m + Vec3::new(mission.target_ned_m[0], mission.target_ned_m[1], 0.0)
+        self.rest_ned_m + Vec3::new(mission.target_north_east_m[0], mission.target_north_east_m[1], 0.0)
     }
 
     fn climb_speed(&self, mission: &Mission, phase: Phase) -> f64 {

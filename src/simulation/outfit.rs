@@ -1,0 +1,190 @@
+//! What the built-in autopilot is told before a flight: the vehicle's data sheet, not its state.
+//!
+//! It gets nominal masses, geometry, noise figures and a thrust table computed once from the engine model,
+//! as a flight computer would be loaded; it never sees what a scenario changes or breaks.
+
+use crate::autopilot::Parameters;
+use crate::autopilot::allocation::{ActuatorParameters, ThrottleOutput, ThrustMap};
+use crate::autopilot::control::Gains;
+use crate::autopilot::navigation::{GnssParameters, NavigationParameters};
+use crate::autopilot::phase::SequenceParameters;
+use crate::autopilot::propellant::{MassPoint, PropellantParameters};
+use crate::dynamics::mass::{Contents, ContentsRate};
+use crate::environment::Environment;
+use crate::frame::Vec3;
+use crate::noise::sample_std;
+use crate::propulsion::EngineCondition;
+use crate::scenario::Scenario;
+use crate::vehicle::Vehicle;
+
+use super::Instrumentation;
+
+/// Nodes of the thrust table.
+const THRUST_NODES: usize = 24;
+const RADIUS_NODES: usize = 8;
+
+/// Parameters of the autopilot for a scenario's vehicle, site and mission.
+pub fn autopilot(scenario: &Scenario, environment: &Environment, instruments: &Instrumentation) -> Parameters {
+    let vehicle = &scenario.vehicle;
+    Parameters {
+        mission: scenario.file.mission.clone(),
+        sequence: SequenceParameters::default(),
+        navigation: navigation(scenario, environment, instruments),
+        propellant: propellant(vehicle),
+        thrust_map: thrust_map(vehicle, environment.atmosphere.pressure_pa),
+        actuators: ActuatorParameters {
+            thrust_min_n: vehicle.rating.thrust_command_min_n,
+            thrust_max_n: vehicle.rating.thrust_command_max_n,
+            gimbal_limit_rad: vehicle.gimbal.limit_rad,
+            gimbal_rate_limit_rad_s: vehicle.gimbal.rate_limit_rad_s,
+            rcs_torque_n_m: vehicle.reaction_control.pair_moment_n_m(),
+            rcs_dead_band: vehicle.reaction_control.parameters.dead_band,
+            throttle_output: ThrottleOutput::Valve,
+        },
+        gains: Gains::default(),
+    }
+}
+
+fn navigation(
+    scenario: &Scenario,
+    environment: &Environment,
+    instruments: &Instrumentation,
+) -> NavigationParameters {
+    let vehicle = &scenario.vehicle;
+    let sensors = &vehicle.sensors;
+    let (imu, gnss) = (&sensors.imu, &sensors.gnss);
+    let receiver = gnss.receiver();
+    let rate_hz = instruments.imu_rate_hz.unwrap_or(imu.rate_hz);
+    let weight_n = mass_point(vehicle, 1.0).mass_kg * environment.gravity.magnitude_m_s2;
+    let pad_density = environment.atmosphere.density_kg_m3 * environment.gravity.magnitude_m_s2;
+    let metres = |pressure_pa: f64| if pad_density > 0.0 { pressure_pa / pad_density } else { 0.0 };
+    let barometer = &sensors.barometer;
+    NavigationParameters {
+        imu_body_m: Vec3::from(imu.position_m),
+        accelerometer: [
+            sample_std(imu.accelerometer.noise_density_m_s2_sqrt_hz, rate_hz),
+            imu.accelerometer.bias_std_m_s2,
+            imu.accelerometer.random_walk_m_s2_sqrt_s,
+        ],
+        gyroscope: [
+            sample_std(imu.gyroscope.noise_density_rad_s_sqrt_hz, rate_hz),
+            imu.gyroscope.bias_std_rad_s,
+            imu.gyroscope.random_walk_rad_s_sqrt_s,
+        ],
+        gnss: GnssParameters {
+            delay_s: scenario
+                .file
+                .sensors
+                .gnss_delay_s
+                .or(instruments.gnss_delay_s)
+                .unwrap_or(receiver.delay_s),
+            antenna_body_m: Vec3::from(gnss.antenna_position_m),
+            position_std_m: [receiver.horizontal_noise_std_m, receiver.vertical_noise_std_m],
+            drift_std_m: [receiver.horizontal_drift_std_m, receiver.vertical_drift_std_m],
+            drift_time_s: receiver.drift_time_constant_s,
+            velocity_std_m_s: [
+                receiver.horizontal_velocity_noise_std_m_s,
+                receiver.vertical_velocity_noise_std_m_s,
+            ],
+        },
+        barometer_m: [
+            metres(sample_std(barometer.noise_density_pa_sqrt_hz, barometer.rate_hz)),
+            metres(barometer.random_walk_pa_sqrt_s),
+        ],
+        barometer_delay_s: barometer.delay_s,
+        altimeter: [sensors.altimeter.noise_std_m, sensors.altimeter.noise_fraction],
+        altimeter_body_m: Vec3::from(sensors.altimeter.position_m),
+        altimeter_delay_s: sensors.altimeter.delay_s,
+        magnetic_field_ned_t: Some(environment.magnetic_field_ned_t),
+        magnetometer_t: [
+            sample_std(sensors.magnetometer.noise_density_t_sqrt_hz, sensors.magnetometer.rate_hz),
+            sensors.magnetometer.bias_std_t,
+        ],
+        rest_heading_rad: 0.0,
+        rest_ned_m: Vec3::new(0.0, 0.0, -vehicle.landing_gear.rest_height_m(weight_n)),
+        gravity_m_s2: environment.gravity.magnitude_m_s2,
+    }
+}
+
+/// Mass properties with this share of the propellants left.
+fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
+    let grain = &vehicle.engine.grain;
+    let start = grain.port_radius_m;
+    // Fuel goes with the square of the radius.
+    let radius2 =
+        start * start + (1.0 - share) * (grain.outer_radius_m * grain.outer_radius_m - start * start);
+    let full_kg = vehicle.initial_nitrous_kg();
+    let nitrous_kg = share * full_kg;
+    let pressurant = vehicle.pressurant_state(vehicle.initial_nitrogen_kg(full_kg), nitrous_kg);
+    let contents = Contents {
+        nitrous_kg,
+        nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
+        port_radius_m: radius2.sqrt(),
+        nitrogen_run_tank_kg: pressurant.run_tank_kg,
+        nitrogen_bottle_kg: pressurant.bottle_kg,
+    };
+    let mass = vehicle.mass.evaluate(&contents, &ContentsRate::default()).vehicle;
+    let inertia = mass.inertia_about_com_kg_m2();
+    MassPoint {
+        mass_kg: mass.mass_kg,
+        com_body_m: mass.centre_of_mass_body_m(),
+        inertia_kg_m2: [inertia[(0, 0)], inertia[(1, 1)], inertia[(2, 2)]],
+    }
+}
+
+fn propellant(vehicle: &Vehicle) -> PropellantParameters {
+    let engine = &vehicle.engine;
+    let servo = &vehicle.valve_servo;
+    let fuel_kg_per_m2 =
+        engine.grain.fuel_density_kg_m3 * engine.grain.length_m * f64::from(engine.grain.port_count);
+    PropellantParameters {
+        full: mass_point(vehicle, 1.0),
+        empty: mass_point(vehicle, 0.0),
+        oxidizer_kg: (vehicle.initial_nitrous_kg() - vehicle.unusable_nitrous_kg).max(0.0),
+        fuel_kg: engine.grain.fuel_mass_kg(engine.grain.port_radius_m),
+        port_radius_m: engine.grain.port_radius_m,
+        fuel_kg_per_m2,
+        delay_s: vehicle.valve_delay_s,
+        lag_s: 2.0 * servo.damping_ratio / servo.natural_frequency_rad_s,
+        ignition_delay_s: engine.ignition.igniter_delay_s,
+        rise_s: engine.ignition.rise_time_constant_s,
+        thrust_min_n: vehicle.rating.thrust_command_min_n,
+        thrust_max_n: vehicle.rating.thrust_command_max_n,
+        thrust_shut_n: engine.ignition.shutdown_fraction * vehicle.rating.thrust_rated_n,
+    }
+}
+
+/// The engine's inverse over thrust and port radius, throat as at the start.
+fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
+    let engine = &vehicle.engine;
+    let feed = engine.feed_map(vehicle.tank_pressure_pa, vehicle.tank_temperature_k);
+    let spread = |low: f64, high: f64, nodes: usize| -> Vec<f64> {
+        (0..nodes).map(|i| low + (high - low) * i as f64 / (nodes - 1) as f64).collect()
+    };
+    let rating = &vehicle.rating;
+    let thrust_n = spread(0.5 * rating.thrust_command_min_n, rating.thrust_command_max_n, THRUST_NODES);
+    let grain = &engine.grain;
+    let port_radius_m = spread(grain.port_radius_m, grain.outer_radius_m, RADIUS_NODES);
+    let mut map = ThrustMap {
+        valve_rad: Vec::with_capacity(RADIUS_NODES),
+        oxidizer_kg_s: Vec::with_capacity(RADIUS_NODES),
+        fuel_kg_s: Vec::with_capacity(RADIUS_NODES),
+        thrust_n,
+        port_radius_m,
+    };
+    for &radius in &map.port_radius_m {
+        let condition = EngineCondition {
+            port_radius_m: radius,
+            throat_radius_m: 0.5 * engine.nozzle.throat_diameter_m,
+            burning_fraction: 1.0,
+            ambient_pa,
+            chamber_gas: None,
+            oxidizer_flow_limit_kg_s: f64::INFINITY,
+        };
+        let points: Vec<_> = map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition)).collect();
+        map.valve_rad.push(points.iter().map(|p| p.valve_rad).collect());
+        map.oxidizer_kg_s.push(points.iter().map(|p| p.point.oxidizer_kg_s).collect());
+        map.fuel_kg_s.push(points.iter().map(|p| p.point.fuel_kg_s).collect());
+    }
+    map
+}
