@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_motion_under_way_is_braked_and_led_to_the_target() {
-        let mission = Mission { target_ned_m: [8.0, -3.0], ..Mission::default() };
+        let mission = Mission { target_north_east_m: [8.0, -3.0], ..Mission::default() };
         let start = REST + Vec3::new(-2.0, 1.0, -20.0);
         let mut generator = ReferenceGenerator::moving(REST, 0.0, start, Vec3::new(-3.0, 2.0, 4.0));
         for _ in 0..6000 {
