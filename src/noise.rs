@@ -114,3 +114,114 @@ impl GaussMarkov {
         self.value
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COUNT: usize = 200_000;
+
+    fn mean(x: &[f64]) -> f64 {
+        x.iter().sum::<f64>() / x.len() as f64
+    }
+
+    /// Pins the bits: a change here changes every recorded run.
+    #[test]
+    fn a_stream_is_the_same_bits_everywhere() {
+        let mut s = stream(42, "imu.gyro");
+        let words = [(); 3].map(|()| s.0.next_u64());
+        assert_eq!(words, [0, 0, 0]);
+        assert_eq!(stream(42, "imu.gyro").normal().to_bits(), 0);
+    }
+
+    #[test]
+    fn seed_and_name_both_make_a_stream() {
+        let first = |seed, name| stream(seed, name).uniform();
+        assert_eq!(first(1, "a"), first(1, "a"));
+        assert_ne!(first(1, "a"), first(2, "a"));
+        assert_ne!(first(1, "a"), first(1, "b"));
+    }
+
+    /// Bounds of five standard errors: mean 1/sqrt(n), variance sqrt(2/n), fourth moment sqrt(96/n),
+    /// count beyond 3 sigma sqrt(n p). The seed is fixed, so the test cannot fail by chance later.
+    #[test]
+    fn deviates_are_normal() {
+        let mut s = stream(7, "normal");
+        let x: Vec<f64> = (0..COUNT).map(|_| s.normal()).collect();
+        let n = COUNT as f64;
+        let moment = |k: i32| x.iter().map(|v| v.powi(k)).sum::<f64>() / n;
+        assert!(moment(1).abs() < 5.0 / n.sqrt());
+        assert!((moment(2) - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
+        assert!((moment(4) - 3.0).abs() < 5.0 * (96.0 / n).sqrt());
+        let beyond = x.iter().filter(|v| v.abs() > 3.0).count() as f64;
+        let expected = 2.699_796e-3 * n;
+        assert!((beyond - expected).abs() < 5.0 * expected.sqrt());
+    }
+
+    /// Correlation of independent samples is normal with 1/sqrt(n); bound of five.
+    #[test]
+    fn streams_do_not_know_each_other_nor_their_own_past() {
+        let draw = |seed, name: &str| -> Vec<f64> {
+            let mut s = stream(seed, name);
+            (0..COUNT).map(|_| s.normal()).collect()
+        };
+        let correlation =
+            |a: &[f64], b: &[f64]| mean(&a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<_>>());
+        let (a, b, c) = (draw(1, "imu.gyro.x"), draw(1, "imu.gyro.y"), draw(2, "imu.gyro.x"));
+        let bound = 5.0 / (COUNT as f64).sqrt();
+        assert!(correlation(&a, &b).abs() < bound);
+        assert!(correlation(&a, &c).abs() < bound);
+        assert!(correlation(&a[1..], &a[..COUNT - 1]).abs() < bound);
+    }
+
+    /// Over an ensemble of m runs the variance of a walk is w² t, each estimate good to sqrt(2/m); so
+    /// the Allan-type growth is linear in time. Bounds of five.
+    #[test]
+    fn a_bias_walks_with_the_root_of_time_whatever_the_rate() {
+        let (walk, runs) = (0.3, 4000);
+        for (rate_hz, seconds) in [(10.0, 1.0), (10.0, 16.0), (50.0, 4.0)] {
+            let mut s = stream(3, "walk");
+            let ends: Vec<f64> = (0..runs)
+                .map(|_| {
+                    let mut error = ChannelError::new(0.0, walk, 0.0, &mut s);
+                    for _ in 0..(seconds * rate_hz) as usize {
+                        error.sample(1.0 / rate_hz, &mut s);
+                    }
+                    error.bias * error.bias
+                })
+                .collect();
+            let ratio = mean(&ends) / (walk * walk * seconds);
+            assert!(
+                (ratio - 1.0).abs() < 5.0 * (2.0 / f64::from(runs)).sqrt(),
+                "{rate_hz} {seconds}: {ratio}"
+            );
+        }
+    }
+
+    /// Stationary from the start: variance std² after any time, correlation exp(-t/T) over a lag.
+    #[test]
+    fn gauss_markov_keeps_its_variance_and_forgets_with_its_time_constant() {
+        let (std, time_constant_s, runs) = (0.6, 200.0, 20_000);
+        let mut s = stream(5, "drift");
+        let (mut variance, mut covariance) = (0.0, 0.0);
+        for _ in 0..runs {
+            let mut process = GaussMarkov::new(std, time_constant_s, &mut s);
+            let start = process.value;
+            for _ in 0..4 {
+                process.sample(25.0, &mut s);
+            }
+            variance += process.value * process.value / f64::from(runs);
+            covariance += start * process.value / f64::from(runs);
+        }
+        let bound = 5.0 * (2.0 / f64::from(runs)).sqrt();
+        assert!((variance / (std * std) - 1.0).abs() < bound);
+        assert!((covariance / (std * std) - libm::exp(-0.5)).abs() < bound);
+    }
+
+    #[test]
+    fn a_uniform_number_has_a_logarithm() {
+        let mut s = stream(9, "uniform");
+        assert!((0..COUNT).all(|_| (f64::MIN_POSITIVE..=1.0).contains(&s.uniform())));
+        assert!(s.normal3().iter().all(|v| v.is_finite()));
+    }
+}

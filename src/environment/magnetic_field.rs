@@ -57,3 +57,19 @@ fn date(decimal_year: f64) -> Result<Date, Invalid> {
     let ordinal = 1 + ((decimal_year - f64::from(year)) * days) as u16;
     Date::from_ordinal_date(year, ordinal).map_err(|_| outside())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_of_a_decimal_year() {
+        let ordinal = |year| date(year).unwrap().to_ordinal_date();
+        assert_eq!(ordinal(2025.0), (2025, 1));
+        assert_eq!(ordinal(2026.5), (2026, 183));
+        assert_eq!(ordinal(2028.9999), (2028, 366));
+        for year in [2024.99, 2030.0, f64::NAN] {
+            assert_eq!(date(year).unwrap_err().key, "magnetic_epoch_year");
+        }
+    }
+}

@@ -37,7 +37,7 @@ impl WindParameters {
                     gust.hold_s,
                     gust.fall_s()
                 );
-                return Err(Invalid::new(format!("gust[{index}]"), message));
+                return Err(Invalid::new(format!("gust.{index}"), message));
             }
         }
         Ok(())
@@ -117,5 +117,56 @@ impl Wind {
             velocity += Vec3::from(gust.peak_ned_m_s) * gust.share(mission_time_s);
         }
         velocity
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gust(rise_s: f64, hold_s: f64, fall_s: Option<f64>) -> Gust {
+        Gust { start_s: 10.0, rise_s, hold_s, fall_s, peak_ned_m_s: [2.0, -4.0, 1.0] }
+    }
+
+    /// U/2 (1 - cos(2 pi t / duration)) over a whole bump; equal to rounding.
+    #[test]
+    fn a_gust_without_hold_is_one_whole_cosine() {
+        let wind = Wind::new(&WindParameters { gust: vec![gust(1.5, 0.0, None)], ..Default::default() });
+        for k in -10..50 {
+            let t = 0.1 * f64::from(k); // [s] since the start
+            let phase = core::f64::consts::TAU * t / 3.0;
+            let share = if (0.0..3.0).contains(&t) { 0.5 * (1.0 - libm::cos(phase)) } else { 0.0 };
+            let expected = Vec3::new(2.0, -4.0, 1.0) * share;
+            assert!((wind.velocity_ned_m_s(10.0 + t) - expected).amax() < 1e-13, "{t}");
+        }
+    }
+
+    #[test]
+    fn a_gust_holds_its_peak_and_falls_by_its_own_time() {
+        let gust = gust(1.0, 2.0, Some(4.0));
+        let shares = [0.0, 0.5, 1.0, 1.0, 0.5, 0.0];
+        for (t, share) in [0.0, 0.5, 1.0, 3.0, 5.0, 7.0].into_iter().zip(shares) {
+            assert!((gust.share(10.0 + t) - share).abs() < 1e-15, "{t}");
+        }
+        assert_eq!(gust.share(-1.0), 0.0);
+    }
+
+    #[test]
+    fn a_rise_of_zero_is_a_step() {
+        let gust = gust(0.0, 1.0, None);
+        assert_eq!([9.999, 10.001, 10.999, 11.001].map(|t| gust.share(t)), [0.0, 1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_westerly_blows_east() {
+        let wind = Wind::new(&WindParameters { mean_speed_m_s: 5.0, from_deg: 270.0, ..Default::default() });
+        assert!((wind.velocity_ned_m_s(0.0) - Vec3::new(0.0, 5.0, 0.0)).amax() < 1e-14);
+    }
+
+    #[test]
+    fn a_negative_rise_is_named() {
+        let wind =
+            WindParameters { gust: vec![gust(1.0, 0.0, None), gust(-1.0, 0.0, None)], ..Default::default() };
+        assert_eq!(wind.validate().unwrap_err().key, "gust.1");
     }
 }

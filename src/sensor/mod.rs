@@ -81,7 +81,7 @@ impl SensorParameters {
         self.altimeter.validate()?;
         period("tracking.rate_hz", self.tracking.rate_hz)?;
         for (index, transducer) in self.pressure_transducer.iter().enumerate() {
-            let key = |name: &str| format!("pressure_transducer[{index}].{name}");
+            let key = |name: &str| format!("pressure_transducer.{index}.{name}");
             period(&key("rate_hz"), transducer.rate_hz)?;
             not_empty(&key("range_pa"), transducer.range_pa)?;
             if self.pressure_transducer[..index].iter().any(|earlier| earlier.name == transducer.name) {
