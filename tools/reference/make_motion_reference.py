@@ -144,7 +144,7 @@ def rate(t, state, thrust, gravity):
 def main():
     print(f"# Made by tools/reference/make_motion_reference.py, Python {platform.python_version()}, "
           f"numpy {np.__version__}, scipy {scipy.__version__}, DOP853 rtol 1e-13.")
-    print("# Point masses and Gauss's principle; gimbal motion prescribed. Lines '# name = values' are the inputs.")
+    print("# Point masses and Gauss's principle; gimbal motion prescribed. Lines with an equals sign are the inputs.")
     for name, values in PARAMETERS.items():
         print(f"# {name} = {' '.join(repr(float(v)) for v in values)}")
     print("case,thrust_n,gravity_m_s2,time_s,north_m,east_m,down_m,vn_m_s,ve_m_s,vd_m_s,qw,qx,qy,qz,"
