@@ -1,0 +1,98 @@
+"""The bench as a program: exit codes, ready file, overrides, and the run with nothing attached."""
+
+import time
+
+import pytest
+from hopbench_bench import Bench, run_hopbench, scenario_path
+
+
+def test_nothing_attached_flies_in_real_time():
+    started = time.monotonic()
+    with Bench("hover_5m", fc=None) as bench:
+        result = bench.result(timeout_s=60.0)
+    assert time.monotonic() - started < 35.0
+    assert result.code == 0, result.stdout
+    report = result.json
+    assert report["outcome"] == "landed" and report["expect"]["passed"]
+    assert [part["source"] for part in report["flown_by"]] == ["autopilot"]
+    assert report["timing"]["realtime_factor"] == pytest.approx(1.0, abs=0.1)
+    assert report["timing"]["overruns"] >= 0 and report["timing"]["lateness_us"]["p50"] is not None
+    assert report["link"]["received"] > 1000  # it flew over a real link
+
+
+def test_report_has_the_agreed_keys():
+    with Bench("hover_5m", fc="udp", lockstep=True, fast=True, sets={"arm_wait_s": 1}, seed=42) as bench:
+        for sensor in bench.sensors():
+            bench.send_controls([0.0] * 4, armed=False, time_usec=sensor.time_usec)
+        result = bench.result()
+    report = result.json
+    agreed = "scenario seed outcome flown_by expect touchdown max_altitude_m hover propellant mass timing link events state_hash run"
+    assert set(report) == set(agreed.split())
+    assert report["seed"] == 42 and report["touchdown"] is None
+    assert set(report["link"]) == set("sent received crc_errors lost stalls wire_load_percent".split())
+    timing = "simulated_s wall_s realtime_factor steps overruns step_us lateness_us round_trip_us"
+    assert set(report["timing"]) == set(timing.split())
+    assert all(set(item) == {"name", "value", "limit", "passed"} for item in report["expect"]["items"])
+    assert all(set(event) == {"time_s", "name", "detail"} for event in report["events"])
+
+
+@pytest.mark.parametrize("fc", ["udp-listen", "tcp-listen"])
+def test_ready_file_names_the_port_in_use(fc):
+    with Bench("hover_5m", fc=fc) as bench:
+        kind, host, port = bench.ready["fc"].rsplit(":", 2)
+        assert (kind, host) == (fc, "127.0.0.1") and int(port) > 0
+
+
+def test_two_benches_run_side_by_side():
+    with Bench("hover_5m", fc="tcp-listen") as one, Bench("hover_5m", fc="tcp-listen") as other:
+        assert one.ready["fc"] != other.ready["fc"]
+        assert one.recv_sensor().time_usec == other.recv_sensor().time_usec == 4000
+
+
+@pytest.mark.parametrize(
+    "arguments, named",
+    [
+        (["hil", "scenarios/no_such_file.toml"], "no_such_file.toml"),
+        (["hil", scenario_path("hover_5m"), "--set", "missionn.altitude=3"], "missionn.altitude"),
+        (["hil", scenario_path("hover_5m"), "--set", "vehicle.engine.grain.lenght_m=0.24"], "vehicle.engine.grain.lenght_m"),
+        (["hil", scenario_path("hover_5m"), "--set", "vehicle.engine.grain.length_m=-1"], "length_m"),
+        (["hil", scenario_path("hover_5m"), "--set", "timeout_s=never"], "timeout_s"),
+        (["hil", scenario_path("hover_5m"), "--profile", "no-such"], "no-such"),
+        (["hil", scenario_path("hover_5m"), "--fc", "carrier-pigeon:1"], "carrier-pigeon"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_wrong_input_is_exit_2_and_named(arguments, named):
+    result = run_hopbench(*arguments, "--json")
+    assert result.code == 2
+    assert named in result.stderr and "panicked" not in result.stderr
+    assert result.stdout == ""
+
+
+def test_a_device_that_is_not_there_is_exit_3():
+    result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "serial:/dev/no-such-tty:921600", "--json")
+    assert result.code == 3 and "/dev/no-such-tty" in result.stderr
+
+
+def test_a_port_in_use_is_exit_3():
+    with Bench("hover_5m", fc="tcp-listen") as bench:
+        result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", bench.ready["fc"], "--json")
+    assert result.code == 3 and bench.ready["fc"].rsplit(":", 1)[1] in result.stderr
+
+
+def test_waiting_for_a_controller_is_said_every_second():
+    with Bench("hover_5m", fc="udp-listen") as bench:
+        bench.send_bytes(b"")
+    with Bench("hover_5m", fc="serial", profile="px4-hitl") as bench:
+        time.sleep(3.5)
+        lines = [line for line in bench.stderr().splitlines() if "waiting for FC" in line]
+    assert 2 <= len(lines) <= 5 and "0 bytes" in lines[0]
+
+
+def test_a_serial_line_too_slow_is_refused():
+    with Bench("hover_5m", fc="serial", profile="px4-hitl") as bench:
+        path = bench.connection.address
+        bench.process.terminate()
+        bench.process.wait()
+        result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", f"serial:{path}:115200", "--profile", "px4-hitl", "--json")
+    assert result.code == 2 and "--sensor-hz" in result.stderr
