@@ -3,6 +3,7 @@
 //! Modules stand in dependency order: a module imports only from above itself.
 
 // Vocabulary.
+pub mod controls;
 pub mod frame;
 pub mod input;
 pub mod integrator;
