@@ -1,16 +1,82 @@
 //! Hopbench: the plant of a throttled hybrid-rocket lander, and the autopilot that can fly it.
 //!
-//! Modules stand in dependency order: a module imports only from above itself.
+//! This package is pure: no files, threads, clocks or global state. The package `hopbench-hil` puts it on a
+//! wire. The same scenario and seed give the same bits on every machine.
+//!
+//! # The house
+//!
+//! Modules stand in dependency order; a module imports only from above itself, and `tests/floors.rs` checks it.
+//!
+//! | floor | modules |
+//! |---|---|
+//! | vocabulary | [`frame`] axes and signs, [`input`] files and their faults, [`integrator`], [`interpolate`], [`noise`] named streams, [`time`] integer microseconds, [`signal`] what crosses to a flight computer, [`controls`] its sixteen channels |
+//! | the world | [`environment`] air, wind, ground, field, place; [`fluid`] nitrous oxide and nitrogen |
+//! | subsystems | [`actuator`] servos and delays, [`dynamics`] mass, slosh, motion, drag, legs, [`propulsion`] from the valve to the nozzle, [`sensor`]; they take plain values and do not import each other |
+//! | the autopilot | [`autopilot`]: sees a [`signal::Measurement`], emits a [`signal::ActuatorCommand`], knows neither vehicle nor plant |
+//! | the vehicle | [`vehicle`] every parameter, checked and turned into body axes; [`scenario`] a flight as data; [`plant`] the block diagram |
+//! | flights | [`simulation`] plant, sensors and autopilot on one clock, with a referee and a report |
+//!
+//! # One step
+//!
+//! ```text
+//! ActuatorCommand ─► sequence, engine controller ─► delays ─► valve, gimbal, thrusters
+//!                                                               │
+//!          ┌────────────────────────────────────────────────────┘
+//!          ▼
+//!   tank ─► valve ─► P2 ─► injector ─► chamber ─► nozzle ─► thrust      fluid, propulsion
+//!          │                  │
+//!          ▼                  ▼
+//!   liquid, gas, grain ─► mass, first moment, inertia, rates            dynamics::mass
+//!          │                                                            ┌─ drag, legs, thrusters
+//!          ▼                                                            ▼
+//!   slosh + rigid body + swinging engine: one balance of momentum ─► accelerations
+//!          │                                                            dynamics::rigid_body
+//!          ▼
+//!   RK4, 1 ms ─► State ─► sensors ─► Measurement
+//! ```
+//!
+//! # Frames
+//!
+//! ```text
+//!        structural (vehicle files)         body FRD                     world NED
+//!
+//!              z  nose                      (0,0,-1.28) thrusters           hover:
+//!              │                              │                          q_ned_from_body = 1
+//!          ┌───┴───┐                      ┌───┴───┐                      leg 1 points north
+//!          │ N2    │                      │       │
+//!          │ N2O   │                      │  COM at -0.40               x north
+//!          └───┬───┘                      └───┬───┘                     ╱
+//!   pivot O ──►●──── x leg 1       pivot O ──►●──── x forward, leg 1   ●───── y east
+//!             ╱│                             ╱│                        │
+//!        y  ╱ engine                    right y  engine                z down
+//!   (z × x, to the left)                      │                        origin on the pad surface
+//!                                             z toward the nozzle
+//! ```
+//!
+//! Body FRD is (x, -y, -z) of structural. Thrust acts along body -z. A positive `gimbal_x`, `gimbal_y` or
+//! `rcs_roll` gives a positive moment about body x, y, z. "Roll" is about the long axis, which PX4 calls yaw.
+//! SI and radians everywhere; the unit ends the name, the frame is in it.
+//!
+//! # Invariants
+//!
+//! * Mass on board plus mass gone is constant to round-off; fuel never grows; nitrogen leaves by thrusters and
+//!   vent only.
+//! * Without flow the thrust is exactly zero; it is never negative.
+//! * `derivative` is pure ([`plant::Plant::evaluate`]); commands, ignition, contact, sampling and noise happen
+//!   between steps.
+//! * No input makes a panic or a number that is not finite.
 
 // Vocabulary.
-pub mod controls;
 pub mod frame;
 pub mod input;
 pub mod integrator;
 pub mod interpolate;
 pub mod noise;
-pub mod signal;
 pub mod time;
+
+pub mod signal;
+
+pub mod controls;
 
 // The world and its fluids.
 pub mod environment;
@@ -22,13 +88,14 @@ pub mod dynamics;
 pub mod propulsion;
 pub mod sensor;
 
-// The vehicle, wired.
-pub mod plant;
-pub mod vehicle;
-
-// Guidance, navigation and control.
+// Guidance, navigation and control: measurements in, commands out.
 pub mod autopilot;
 
-// Flights.
+// The vehicle and its flights as data, then wired.
+pub mod vehicle;
+
 pub mod scenario;
+
+pub mod plant;
+
 pub mod simulation;

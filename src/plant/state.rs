@@ -87,6 +87,36 @@ state! {
 }
 
 impl State {
+    /// Everything zero and upright.
+    pub const EMPTY: Self = {
+        const ZERO: Vec3 = Vec3::new(0.0, 0.0, 0.0);
+        Self {
+            position_ned_m: ZERO,
+            velocity_ned_m_s: ZERO,
+            q_ned_from_body: Quaternion::new(1.0, 0.0, 0.0, 0.0),
+            rate_body_rad_s: ZERO,
+            slosh_m: ZERO,
+            slosh_m_s: ZERO,
+            nitrous_kg: 0.0,
+            nitrogen_kg: 0.0,
+            port_radius_m: 0.0,
+            throat_radius_m: 0.0,
+            chamber_oxidizer_kg: 0.0,
+            chamber_fuel_kg: 0.0,
+            burning_fraction: 0.0,
+            valve_rad: 0.0,
+            valve_rad_s: 0.0,
+            gimbal_rad: ZERO,
+            gimbal_rad_s: ZERO,
+            rcs_level: ZERO,
+            expelled_nozzle_kg: 0.0,
+            expelled_rcs_kg: 0.0,
+            expelled_vent_kg: 0.0,
+            imu_velocity_body_m_s: ZERO,
+            imu_angle_body_rad: ZERO,
+        }
+    };
+
     /// Attitude as a rotation.
     pub fn attitude(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::new_normalize(self.q_ned_from_body)

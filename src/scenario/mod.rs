@@ -11,6 +11,7 @@ use crate::autopilot::Mission;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
 use crate::input::{Document, InputError, Invalid};
+use crate::signal::ActuatorCommand;
 use crate::vehicle::Vehicle;
 
 /// A scenario file. Relative paths in it start at its own folder.
@@ -97,7 +98,7 @@ pub enum OnFcLoss {
 }
 
 /// State at step 0.
-#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Initial {
     /// Standing on its legs, or free.
@@ -137,6 +138,24 @@ pub struct Initial {
     /// Held fast in position and attitude, as on a static stand.
     #[serde(default)]
     pub clamped: bool,
+}
+
+impl Default for Initial {
+    fn default() -> Self {
+        Self {
+            place: Place::Pad,
+            position_ned_m: [0.0; 3],
+            velocity_ned_m_s: [0.0; 3],
+            q_ned_from_body: identity(),
+            rate_body_rad_s: [0.0; 3],
+            nitrous_kg: None,
+            nitrogen_kg: None,
+            port_radius_m: None,
+            throat_radius_m: None,
+            engine: EngineStart::Off,
+            clamped: false,
+        }
+    }
 }
 
 fn identity() -> [f64; 4] {
@@ -356,6 +375,40 @@ impl Scenario {
         }
         let site = file.site.clone().unwrap_or_else(|| vehicle.site.clone());
         Ok(Self { name: name.to_owned(), file, vehicle, site, schedule })
+    }
+
+    /// Free flight at rest with the engine running, under one command: for tables and tests.
+    pub fn free_flight(vehicle: &Vehicle, command: ActuatorCommand) -> Self {
+        let initial =
+            Initial { place: Place::Free, engine: EngineStart::Running, ..Initial::default() };
+        let file = ScenarioFile {
+            description: String::new(),
+            vehicle: vehicle.name.clone(),
+            seed: 0,
+            duration_s: None,
+            timeout_s: default_timeout_s(),
+            arm_wait_s: 0.0,
+            fc_timeout_ms: default_fc_timeout_ms(),
+            on_fc_loss: OnFcLoss::default(),
+            fallback_expected: false,
+            commands: None,
+            site: None,
+            wind: WindParameters::default(),
+            initial,
+            sequence: Sequence::default(),
+            actuators: Actuators::default(),
+            model: Model::default(),
+            sensors: Sensors { enabled: false, ..Sensors::default() },
+            mission: Mission::default(),
+            expect: Expect::default(),
+        };
+        Self {
+            name: "free_flight".to_owned(),
+            file,
+            vehicle: vehicle.clone(),
+            site: vehicle.site.clone(),
+            schedule: Some(Schedule::constant(command)),
+        }
     }
 
     /// The landing target, north and east of the pad [m].

@@ -47,6 +47,11 @@ const RANGES: [(f64, f64); 10] = [
 ];
 
 impl Schedule {
+    /// One command for ever.
+    pub fn constant(command: ActuatorCommand) -> Self {
+        Self { rows: vec![(SimTime::ZERO, command)] }
+    }
+
     /// Parses the text of a CSV file. Lines that start with `#` are comments. Columns that are absent
     /// mean: no deflection, igniter on, isolation open, vent shut, hold-down released.
     pub fn parse(text: &str) -> Result<Self, ScheduleError> {
