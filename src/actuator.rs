@@ -221,3 +221,164 @@ impl StrokeValve {
         if opening < target { (opening + travel).min(target) } else { (opening - travel).max(target) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrator::{Integrable, rk4_step};
+
+    const GIMBAL: Servo = Servo {
+        natural_frequency_rad_s: 50.265_482_457_4,
+        damping_ratio: 0.7,
+        rate_limit_rad_s: core::f64::consts::FRAC_PI_2,
+        lower_rad: -0.122_173_047_6,
+        upper_rad: 0.122_173_047_6,
+        backlash_rad: 0.0,
+    };
+
+    impl Integrable for ServoState {
+        type Rate = ServoRate;
+        fn advanced(&self, k: &ServoRate, dt_s: f64) -> Self {
+            Self {
+                angle_rad: self.angle_rad + k.rate_rad_s * dt_s,
+                rate_rad_s: self.rate_rad_s + k.acceleration_rad_s2 * dt_s,
+            }
+        }
+        fn rk4_mean(k1: &ServoRate, k2: &ServoRate, k3: &ServoRate, k4: &ServoRate) -> ServoRate {
+            let mean = |f: fn(&ServoRate) -> f64| (f(k1) + 2.0 * (f(k2) + f(k3)) + f(k4)) / 6.0;
+            ServoRate {
+                rate_rad_s: mean(|k| k.rate_rad_s),
+                acceleration_rad_s2: mean(|k| k.acceleration_rad_s2),
+            }
+        }
+    }
+
+    fn moved(servo: &Servo, start: ServoState, command_rad: f64, time_s: f64, dt_s: f64) -> ServoState {
+        let mut state = start;
+        for _ in 0..(time_s / dt_s).round() as u32 {
+            state = rk4_step(&state, dt_s, |s, _| servo.rate(s, command_rad));
+        }
+        state
+    }
+
+    /// Step response of the linear second-order lag.
+    fn closed_form(servo: &Servo, command_rad: f64, t: f64) -> f64 {
+        let (w, zeta) = (servo.natural_frequency_rad_s, servo.damping_ratio);
+        let damped = w * (1.0 - zeta * zeta).sqrt();
+        let (s, c) = libm::sincos(damped * t);
+        command_rad * (1.0 - libm::exp(-zeta * w * t) * (c + zeta * w / damped * s))
+    }
+
+    #[test]
+    fn small_step_follows_the_closed_form_at_fourth_order() {
+        // 1.8 degrees either way, as the open-loop runs command: 83 deg/s at most, so no limit acts.
+        let command = 3.6_f64.to_radians() * 0.99;
+        let error = |dt_s: f64| {
+            let found = moved(&GIMBAL, ServoState::default(), command, 0.04, dt_s).angle_rad;
+            (found - closed_form(&GIMBAL, command, 0.04)).abs()
+        };
+        // (ω dt)⁴/120 over 2 rad: 1e-7 of the command at 1 ms.
+        assert!(error(1e-3) < 1e-8, "{:e}", error(1e-3));
+        let ratio = error(2e-3) / error(1e-3);
+        assert!((14.0..18.5).contains(&ratio), "{ratio}");
+    }
+
+    #[test]
+    fn neither_rate_limit_nor_stop_is_ever_crossed() {
+        for natural_frequency_rad_s in [5.0, 50.0, 250.0, 500.0] {
+            for (damping_ratio, command) in
+                [(0.7, 10.0), (0.1, 10.0), (0.2, -0.122), (2.0, -10.0), (0.05, 0.1)]
+            {
+                let servo = Servo { natural_frequency_rad_s, damping_ratio, ..GIMBAL };
+                let mut state = ServoState { angle_rad: -0.1 * f64::signum(command), rate_rad_s: 0.0 };
+                for _ in 0..5_000 {
+                    state = rk4_step(&state, 1e-3, |s, _| servo.rate(s, command));
+                    // What RK4 makes of the approach, exp(-k t), stays on its side of the limit.
+                    assert!(
+                        state.rate_rad_s.abs() <= servo.rate_limit_rad_s * (1.0 + 1e-9),
+                        "{servo:?} {state:?}"
+                    );
+                    assert!(state.angle_rad.abs() <= servo.upper_rad + 1e-6, "{servo:?} {state:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_large_step_runs_at_the_rate_limit() {
+        let servo = Servo { lower_rad: -2.0, upper_rad: 2.0, ..GIMBAL };
+        let early = moved(&servo, ServoState::default(), 2.0, 0.3, 1e-3);
+        let late = moved(&servo, ServoState::default(), 2.0, 0.8, 1e-3);
+        let mean = (late.angle_rad - early.angle_rad) / 0.5;
+        assert!((mean / servo.rate_limit_rad_s - 1.0).abs() < 1e-6, "{mean}");
+    }
+
+    #[test]
+    fn a_command_that_is_no_number_holds_the_angle() {
+        let state = ServoState { angle_rad: 0.05, rate_rad_s: 0.0 };
+        assert_eq!(GIMBAL.rate(&state, f64::NAN).acceleration_rad_s2, 0.0);
+        assert!(GIMBAL.rate(&state, f64::INFINITY).acceleration_rad_s2.is_finite());
+    }
+
+    #[test]
+    fn play_is_lost_on_every_reversal() {
+        let servo = Servo { backlash_rad: 0.01, ..GIMBAL };
+        let mut held = 0.0;
+        let mut at = |angle_rad: f64| {
+            let state = ServoState { angle_rad, rate_rad_s: 0.3 };
+            let output = servo.output(&state, &servo.rate(&state, angle_rad), held);
+            held = servo.held_after(&state, held);
+            assert!((output.angle_rad - held).abs() < 1e-15);
+            (output.angle_rad, output.rate_rad_s)
+        };
+        assert_eq!(at(0.004), (0.0, 0.0));
+        assert_eq!(at(0.020), (0.015, 0.3));
+        assert_eq!(at(0.012), (0.015, 0.0));
+        assert_eq!(at(0.005), (0.010, 0.3));
+        let state = ServoState { angle_rad: 0.02, rate_rad_s: 0.3 };
+        let output = GIMBAL.output(&state, &GIMBAL.rate(&state, 0.1), 0.0);
+        assert_eq!((output.angle_rad, output.rate_rad_s), (0.02, 0.3));
+        assert!(output.acceleration_rad_s2 > 0.0);
+    }
+
+    #[test]
+    fn commands_arrive_in_order_exactly_one_delay_later() {
+        let us = SimTime::from_us;
+        let mut line = DelayLine::for_interval(us(5_000), 0.0, us(1_000));
+        for step in 0..100_u64 {
+            line.push(us(1_000 * step), step as f64);
+            let expected = step.saturating_sub(5) as f64;
+            assert_eq!(line.at(us(1_000 * step)), expected);
+        }
+        assert_eq!(line.at(us(103_999)), 98.0);
+        assert_eq!(line.at(us(104_000)), 99.0);
+        let mut direct = DelayLine::new(SimTime::ZERO, 1.0, 4);
+        direct.push(us(7), 2.0);
+        assert_eq!(direct.at(us(7)), 2.0);
+    }
+
+    #[test]
+    fn a_full_line_lets_the_oldest_through_early() {
+        let us = SimTime::from_us;
+        let mut line = DelayLine::new(us(10), 0, 2);
+        for value in 1..=3 {
+            line.push(us(value), value);
+        }
+        assert_eq!(line.at(us(3)), 1);
+        assert_eq!(line.at(us(13)), 3);
+    }
+
+    #[test]
+    fn a_stroke_takes_its_time_in_any_steps() {
+        let valve = StrokeValve { stroke_time_s: 0.2 };
+        let mut opening = 0.0;
+        for _ in 0..150 {
+            opening = valve.opening_after(opening, 1.0, 1e-3);
+        }
+        assert!((opening - 0.75).abs() < 1e-12);
+        assert!((valve.opening_after(0.0, 1.0, 0.15) - 0.75).abs() < 1e-15);
+        assert_eq!(valve.opening_after(opening, 1.0, 0.1), 1.0);
+        assert_eq!(valve.opening_after(0.1, 0.0, 1.0), 0.0);
+        assert_eq!(StrokeValve { stroke_time_s: 0.0 }.opening_after(0.0, 1.0, 0.0), 1.0);
+    }
+}

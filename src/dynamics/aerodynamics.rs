@@ -41,11 +41,8 @@ impl Aerodynamics {
 mod tests {
     use super::*;
 
-    const REFERENCE: Aerodynamics = Aerodynamics {
-        drag_area_axial_m2: 0.10,
-        drag_area_lateral_m2: 0.45,
-        centre_of_pressure_z_m: 0.62,
-    };
+    const REFERENCE: Aerodynamics =
+        Aerodynamics { drag_area_axial_m2: 0.10, drag_area_lateral_m2: 0.45, centre_of_pressure_z_m: 0.62 };
 
     #[test]
     fn axial_drag_opposes_climb_and_gives_no_moment() {

@@ -275,11 +275,9 @@ fn coupled(balance: &Balance) -> Acceleration {
     let (m, s, i) = (terms.body.mass_kg, terms.body.first_moment_kg_m, terms.body.inertia_kg_m2);
     let w = balance.rate_body_rad_s;
 
-    let mut force = terms.load.force_body_n
-        - w.cross(&w.cross(&s))
-        - w.cross(&balance.flow.momentum_body_kg_m_s) * 2.0;
-    let mut moment =
-        terms.load.moment_body_n_m - w.cross(&(i * w)) - balance.flow.jet_damping_kg_m2_s * w;
+    let mut force =
+        terms.load.force_body_n - w.cross(&w.cross(&s)) - w.cross(&balance.flow.momentum_body_kg_m_s) * 2.0;
+    let mut moment = terms.load.moment_body_n_m - w.cross(&(i * w)) - balance.flow.jet_damping_kg_m2_s * w;
 
     // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment.
     let mut a = Vec3::new(m, m, m);
@@ -318,8 +316,8 @@ fn coupled(balance: &Balance) -> Acceleration {
     if !(specific_force.norm_squared() + angular.norm_squared()).is_finite() {
         return Acceleration::SINGULAR;
     }
-    let (slosh_body_m_s2, slosh_force_body_n) =
-        slosh.map_or((Vector2::zeros(), Vector2::zeros()), |(r, free, on_vehicle)| {
+    let (slosh_body_m_s2, slosh_force_body_n) = slosh
+        .map_or((Vector2::zeros(), Vector2::zeros()), |(r, free, on_vehicle)| {
             (free - (specific_force + angular.cross(&r)).xy(), on_vehicle)
         });
     Acceleration {

@@ -5,9 +5,7 @@ use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::*;
 use hopbench::dynamics::rigid_body::*;
 use hopbench::dynamics::slosh::{Mode, Slosh, SloshState};
-use hopbench::frame::{
-    Mat3, Vec3, frd_from_structural, inertia_frd_from_structural, quaternion_rate,
-};
+use hopbench::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural, quaternion_rate};
 use hopbench::integrator::Integrable;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2};
 
