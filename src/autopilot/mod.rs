@@ -254,10 +254,10 @@ impl Autopilot {
         } else {
             (Phase::Ascent, 0.0)
         };
-        let start = rest + Vec3::new(mission.target_ned_m[0], mission.target_ned_m[1], 0.0);
+        let start = rest + Vec3::new(mission.target_north_east_m[0], mission.target_north_east_m[1], 0.0);
         let away = position - start;
         if libm::hypot(away.x, away.y) > TARGET_REACH_M {
-            self.parameters.mission.target_ned_m = [position.x - rest.x, position.y - rest.y];
+            self.parameters.mission.target_north_east_m = [position.x - rest.x, position.y - rest.y];
         }
         let heading = heading_rad(&self.navigation.q_ned_from_body());
         self.generator = ReferenceGenerator::moving(rest, heading, position, velocity);

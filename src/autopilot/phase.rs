@@ -92,7 +92,7 @@ pub struct Mission {
     /// Height above rest at which the constant final speed begins [m].
     #[schemars(range(min = 0.3, max = 20.0))]
     pub terminal_height_m: f64,
-    /// Speed from there to contact [m/s].
+    /// Greatest speed from there to contact [m/s].
     #[schemars(range(min = 0.2, max = 2.0))]
     pub terminal_speed_m_s: f64,
     /// Vertical acceleration of every ramp [m/s²].
@@ -106,7 +106,7 @@ pub struct Mission {
     pub lateral_acceleration_m_s2: f64,
     /// Landing point, north and east of the starting point [m].
     #[schemars(inner(range(min = -500.0, max = 500.0)))]
-    pub target_ned_m: [f64; 2],
+    pub target_north_east_m: [f64; 2],
     /// Greatest tilt that may be commanded [rad].
     #[schemars(range(min = 0.02, max = 0.6))]
     pub tilt_limit_rad: f64,
@@ -131,7 +131,7 @@ impl Default for Mission {
             acceleration_m_s2: 1.6,
             lateral_speed_m_s: 2.0,
             lateral_acceleration_m_s2: 0.8,
-            target_ned_m: [0.0, 0.0],
+            target_north_east_m: [0.0, 0.0],
             tilt_limit_rad: 0.21,
             alignment_s: 3.0,
             ready_s: 1.5,

@@ -159,6 +159,10 @@ pub struct Conditions {
     pub altimeter: bool,
     pub magnetometer: bool,
     pub barometer: bool,
+    pub slosh_damping: f64,
+    pub servo_delay_s: f64,
+    pub gimbal_natural_frequency_rad_s: f64,
+    pub inertia_factor: f64,
 }
 
 impl Conditions {
@@ -174,6 +178,10 @@ impl Conditions {
             altimeter: true,
             magnetometer: true,
             barometer: true,
+            slosh_damping: 0.03,
+            servo_delay_s: 0.005,
+            gimbal_natural_frequency_rad_s: 50.265,
+            inertia_factor: 1.0,
         }
     }
 
@@ -290,7 +298,8 @@ impl Plant {
         };
         let direction = Noise::new(conditions.seed ^ 77).uniform() * core::f64::consts::TAU;
         let wind = Vec3::new(libm::cos(direction), libm::sin(direction), 0.0) * conditions.wind_m_s;
-        let gimbal = Servo::new(50.265, 0.7, 90f64.to_radians(), 0.005);
+        let delay_s = conditions.servo_delay_s;
+        let gimbal = Servo::new(conditions.gimbal_natural_frequency_rad_s, 0.7, 90f64.to_radians(), delay_s);
         Self {
             conditions,
             steps: 0,
@@ -306,7 +315,7 @@ impl Plant {
             touchdown: None,
             in_contact: true,
             slosh_rate: [0.0; 2],
-            valve: Servo::new(31.416, 0.8, 120f64.to_radians(), 0.005),
+            valve: Servo::new(31.416, 0.8, 120f64.to_radians(), delay_s),
             gimbal: [gimbal.clone(), gimbal],
             anchors: [None; 4],
             throttled_s: 0.0,
@@ -322,7 +331,6 @@ impl Plant {
         }
     }
 
-    /// A vehicle already flying, engine lit, at the given pose.
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * STEP_S
     }
@@ -373,7 +381,7 @@ impl Plant {
         let mass = self.mass_kg();
         let com = self.com_body_m();
         let s = com * mass;
-        let inertia_com = Vec3::new(21.5, 21.5, 2.39);
+        let inertia_com = Vec3::new(21.5, 21.5, 2.39) * self.conditions.inertia_factor;
         let inertia = Mat3::from_diagonal(&inertia_com) + point_inertia(com) * mass;
 
         // Thrust through the pivot, and the reaction of the swinging engine.
@@ -386,7 +394,8 @@ impl Plant {
         let mut moment = Vec3::new(gx, gy, 0.0) * engine_inertia + Vec3::new(0.0, 0.0, self.roll_torque);
 
         let pressure_point = Vec3::new(0.0, 0.0, -0.62);
-        let air = r.transpose() * (self.velocity_ned_m_s - self.wind - self.gust) + self.rate.cross(&pressure_point);
+        let air = r.transpose() * (self.velocity_ned_m_s - self.wind - self.gust)
+            + self.rate.cross(&pressure_point);
         let drag = -Vec3::new(0.45 * air.x, 0.45 * air.y, 0.10 * air.z) * (0.5 * 1.225 * air.norm());
         force += drag;
         moment += pressure_point.cross(&drag);
@@ -401,7 +410,7 @@ impl Plant {
         let slosh_z = -(0.2 + column - 0.095 / 1.8412 * 2.0 * libm::tanh(0.5 * depth)).max(0.25);
         let effective = ((-axial - legs.z) / mass).max(0.0);
         let omega2 = effective * 1.8412 / 0.095 * libm::tanh(depth);
-        let damping = (2.0 * 0.03 * omega2.sqrt()).max(0.2);
+        let damping = 2.0 * self.conditions.slosh_damping * omega2.sqrt();
         let rs = Vec3::new(self.slosh_m[0], self.slosh_m[1], slosh_z);
         let rs_rate = Vec3::new(self.slosh_rate[0], self.slosh_rate[1], 0.0);
         let w = self.rate;
@@ -578,8 +587,11 @@ impl Plant {
                 latitude_rad: LATITUDE_RAD + (p.x + s.noise.normal(position[0])) / NORTH_M,
                 longitude_rad: LONGITUDE_RAD + (p.y + s.noise.normal(position[0])) / EAST_M,
                 altitude_m: 3.0 - p.z + s.noise.normal(position[1]),
-                velocity_ned_m_s: v
-                    + Vec3::new(s.noise.normal(velocity[0]), s.noise.normal(velocity[0]), s.noise.normal(velocity[1])),
+                velocity_ned_m_s: v + Vec3::new(
+                    s.noise.normal(velocity[0]),
+                    s.noise.normal(velocity[0]),
+                    s.noise.normal(velocity[1]),
+                ),
                 horizontal_accuracy_m: 0.9,
                 vertical_accuracy_m: 1.5,
                 fix_type: if rtk { 6 } else { 3 },
@@ -592,7 +604,8 @@ impl Plant {
         }
         if tick % 5 == 0 {
             let height = 3.0 - at(IMU_BODY_M).z + s.baro_bias_m + s.noise.normal(0.21);
-            let sample = BarometerSample { pressure_pa: 101_325.0, pressure_altitude_m: height, temperature_k: 288.0 };
+            let sample =
+                BarometerSample { pressure_pa: 101_325.0, pressure_altitude_m: height, temperature_k: 288.0 };
             s.baro.push_back((us + 20_000, sample));
             let field = r.transpose() * FIELD_NED_T + s.iron + s.noise.vector(2e-7);
             m.magnetic_field_body_t = self.conditions.magnetometer.then_some(field);
