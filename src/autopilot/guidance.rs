@@ -35,8 +35,14 @@ impl Default for Reference {
 
 /// Samples in the moving average: 0.2 s at 250 Hz.
 const WINDOW: usize = 50;
+/// Its length at the rate it is meant for [s].
+const WINDOW_S: f64 = 0.2;
 /// Slope of the linear end of the approach [1/s].
 const APPROACH_RATE_1_S: f64 = 3.0;
+/// Share of the terminal speed that is flown: the rest is for the error of tracking it.
+const TERMINAL_SHARE: f64 = 0.93;
+/// The terminal speed is reached this much above the terminal height [m].
+const TERMINAL_LEAD_M: f64 = 0.1;
 /// Height above which the sideways part may begin [m].
 const LATERAL_HEIGHT_M: f64 = 3.0;
 
@@ -150,10 +156,12 @@ impl ReferenceGenerator {
                 approach_speed(up.abs(), a, limit).copysign(up)
             }
             Phase::Descent | Phase::Terminal => {
-                let v = mission.terminal_speed_m_s;
-                // The smoothed reference is half a window late: brake that much higher.
-                let late_m = v * 0.5 * WINDOW as f64 * 0.004;
-                let above = (height - mission.terminal_height_m - late_m).max(0.0);
+                let v = TERMINAL_SHARE * mission.terminal_speed_m_s;
+                // The smoothed reference is half a window late: at the terminal height it still has the
+                // speed that the braking takes off in that time, so all of it begins that much higher.
+                let late_m = (v + 0.5 * a * WINDOW_S) * WINDOW_S;
+                let end_m = mission.terminal_height_m + TERMINAL_LEAD_M + late_m;
+                let above = (height - end_m).max(0.0);
                 -(v * v + 2.0 * a * above).sqrt().min(mission.descent_speed_m_s.max(v))
             }
             _ => 0.0,
@@ -209,7 +217,7 @@ mod tests {
             generator.step(&mission, Phase::Descent, 0.004);
         }
         let speed = generator.reference().velocity_ned_m_s.z;
-        assert!((speed - 0.8).abs() < 0.1, "{speed}");
+        assert!((speed - TERMINAL_SHARE * 0.8).abs() < 1e-3, "{speed}");
     }
 
     #[test]

@@ -92,7 +92,7 @@ pub struct Mission {
     /// Height above rest at which the constant final speed begins [m].
     #[schemars(range(min = 0.3, max = 20.0))]
     pub terminal_height_m: f64,
-    /// Speed from there to contact [m/s].
+    /// Greatest speed from there to contact [m/s].
     #[schemars(range(min = 0.2, max = 2.0))]
     pub terminal_speed_m_s: f64,
     /// Vertical acceleration of every ramp [m/s²].

@@ -1,0 +1,262 @@
+//! Whole hops of the built-in autopilot on a plant of the test's own, pad to pad.
+//!
+//! Limits at first contact are those of the landing gear: 1.0 m/s down, 0.5 m/s sideways, 5 degrees; the
+//! control error (estimate against target) has to stay within 0.5 m.
+
+mod autopilot_plant;
+
+use autopilot_plant::{Conditions, Plant, Touchdown, parameters};
+use hopbench::autopilot::{Autopilot, Mission, Phase};
+use hopbench::frame::Vec3;
+use hopbench::signal::{ActuatorCommand, Throttle};
+
+#[allow(dead_code)] // printed when a limit is missed
+#[derive(Debug)]
+struct Flight {
+    touchdown: Touchdown,
+    control_error_m: f64,
+    navigation_error_m: f64,
+    airborne_s: f64,
+    greatest_height_m: f64,
+    hover_height_rms_m: f64,
+    hover_lateral_rms_m: f64,
+    greatest_tilt_rad: f64,
+    greatest_gimbal_rad: f64,
+    greatest_slosh_m: f64,
+    greatest_terminal_speed_m_s: f64,
+    mass_error_kg: f64,
+    disarmed: bool,
+}
+
+fn fly(mission: Mission, conditions: Conditions, trace: bool) -> Flight {
+    let mut autopilot = Autopilot::new(parameters(mission.clone(), conditions.rtk));
+    let mut plant = Plant::new(conditions);
+    let mut command = ActuatorCommand::SAFE;
+    let target = Vec3::new(mission.target_north_east_m[0], mission.target_north_east_m[1], 0.0);
+    let (mut greatest_height_m, mut greatest_tilt_rad, mut greatest_slosh_m) = (0.0f64, 0.0f64, 0.0f64);
+    let (mut greatest_gimbal_rad, mut hover_n, mut hover_z2, mut hover_xy2) = (0.0f64, 0.0, 0.0, 0.0);
+    let mut greatest_terminal_speed_m_s = 0.0f64;
+    let mut errors = None;
+    let mut phase = Phase::Align;
+    while plant.time_s() < 90.0 {
+        let m = plant.advance(&command);
+        command = autopilot.update(&m);
+        within_limits(&command);
+        let e = autopilot.estimate();
+        if autopilot.phase() != phase {
+            phase = autopilot.phase();
+            if trace {
+                eprintln!("{:7.3} phase {}", plant.time_s(), phase.name());
+            }
+        }
+        if trace && plant.steps % 1000 == 0 {
+            let r = autopilot.reference();
+            eprintln!(
+                "{:7.2} {:9} h {:6.2} ref {:6.2} v {:5.2} ref {:5.2} | pos {:6.2} {:6.2} err {:5.2} {:5.2} {:5.2} | tilt {:5.2} rates {:6.3} {:6.3} {:6.3} | T {:5.0} cmd {:?} trim {:5.3} m {:6.2}/{:6.2} g {:5.2} {:5.2} roll {:4.1} slosh {:.4}",
+                plant.time_s(),
+                phase.name(),
+                plant.height_m(),
+                -0.741 - r.position_ned_m.z,
+                -plant.velocity_ned_m_s.z,
+                -r.velocity_ned_m_s.z,
+                plant.position_ned_m.x,
+                plant.position_ned_m.y,
+                e.position_ned_m.x - plant.position_ned_m.x,
+                e.position_ned_m.y - plant.position_ned_m.y,
+                e.position_ned_m.z - plant.position_ned_m.z,
+                hopbench::frame::tilt_rad(&plant.q).to_degrees(),
+                plant.rate.x,
+                plant.rate.y,
+                plant.rate.z,
+                plant.thrust_n,
+                command.throttle,
+                e.thrust_trim,
+                e.mass_kg,
+                plant.mass_kg(),
+                command.gimbal_x_rad.to_degrees(),
+                command.gimbal_y_rad.to_degrees(),
+                command.rcs_roll,
+                plant.slosh_m[0]
+            );
+        }
+        greatest_height_m = greatest_height_m.max(plant.height_m());
+        if plant.touchdown.is_none() && plant.lift_off_s.is_some() {
+            greatest_tilt_rad = greatest_tilt_rad.max(hopbench::frame::tilt_rad(&plant.q));
+            greatest_slosh_m = greatest_slosh_m.max(libm::hypot(plant.slosh_m[0], plant.slosh_m[1]));
+            greatest_gimbal_rad =
+                greatest_gimbal_rad.max(command.gimbal_x_rad.abs()).max(command.gimbal_y_rad.abs());
+        }
+        if plant.touchdown.is_none()
+            && phase >= Phase::Descent
+            && plant.height_m() < mission.terminal_height_m
+        {
+            greatest_terminal_speed_m_s = greatest_terminal_speed_m_s.max(plant.com_velocity().z);
+        }
+        if phase == Phase::Hover {
+            hover_n += 1.0;
+            hover_z2 += (e.height_m - mission.hover_height_m).powi(2);
+            let d = e.position_ned_m - autopilot.reference().position_ned_m;
+            hover_xy2 += d.x * d.x + d.y * d.y;
+        }
+        if let (Some(touchdown), None) = (plant.touchdown, &errors) {
+            let control = e.position_ned_m - target;
+            let navigation = e.position_ned_m - touchdown.position_ned_m;
+            errors = Some((libm::hypot(control.x, control.y), libm::hypot(navigation.x, navigation.y)));
+        }
+        if phase == Phase::Done {
+            break;
+        }
+    }
+    let touchdown = plant.touchdown.unwrap_or_else(|| {
+        panic!("no touchdown: {} at {:.2} m, seed {}", phase.name(), plant.height_m(), plant.conditions.seed)
+    });
+    let (control_error_m, navigation_error_m) = errors.expect("set with the touchdown");
+    Flight {
+        touchdown,
+        control_error_m,
+        navigation_error_m,
+        airborne_s: touchdown.time_s - plant.lift_off_s.expect("before touchdown"),
+        greatest_height_m,
+        hover_height_rms_m: (hover_z2 / f64::max(hover_n, 1.0)).sqrt(),
+        hover_lateral_rms_m: (hover_xy2 / f64::max(hover_n, 1.0)).sqrt(),
+        greatest_tilt_rad,
+        greatest_gimbal_rad,
+        greatest_slosh_m,
+        greatest_terminal_speed_m_s,
+        mass_error_kg: autopilot.estimate().mass_kg - plant.mass_kg(),
+        disarmed: phase == Phase::Done && !command.armed,
+    }
+}
+
+fn within_limits(c: &ActuatorCommand) {
+    let limit = 7f64.to_radians();
+    assert!(c.gimbal_x_rad.abs() <= limit && c.gimbal_y_rad.abs() <= limit, "{c:?}");
+    assert!(c.rcs_roll.abs() <= 1.0, "{c:?}");
+    match c.throttle {
+        Throttle::ThrustN(t) => assert!(t == 0.0 || (300.0..=1050.0).contains(&t), "{c:?}"),
+        Throttle::ValveRad(a) => assert!((0.0..=0.55).contains(&a), "{c:?}"),
+    }
+}
+
+fn judge(flight: &Flight, seed: u64) {
+    let t = &flight.touchdown;
+    assert!(t.vertical_speed_m_s <= 1.0, "seed {seed}: {flight:?}");
+    assert!(t.lateral_speed_m_s <= 0.5, "seed {seed}: {flight:?}");
+    assert!(t.tilt_rad <= 5f64.to_radians(), "seed {seed}: {flight:?}");
+    assert!(flight.control_error_m <= 0.5, "seed {seed}: {flight:?}");
+    assert!(flight.disarmed, "seed {seed}: {flight:?}");
+}
+
+fn hop_5m() -> Mission {
+    Mission {
+        hover_height_m: 5.0,
+        ascent_speed_m_s: 2.0,
+        descent_speed_m_s: 1.5,
+        hover_time_s: 5.0,
+        ..Mission::default()
+    }
+}
+
+/// Worst figures of a set of flights, for the record.
+#[derive(Default)]
+struct Worst([f64; 9]);
+
+impl Worst {
+    fn add(&mut self, f: &Flight) {
+        let now = [
+            f.touchdown.vertical_speed_m_s,
+            f.greatest_terminal_speed_m_s,
+            f.touchdown.lateral_speed_m_s,
+            f.touchdown.tilt_rad.to_degrees(),
+            f.control_error_m,
+            f.navigation_error_m,
+            f.hover_height_rms_m,
+            f.hover_lateral_rms_m,
+            f.airborne_s,
+        ];
+        for (worst, now) in self.0.iter_mut().zip(now) {
+            *worst = worst.max(now);
+        }
+    }
+
+    fn report(&self, name: &str) {
+        eprintln!(
+            "{name}: worst vertical {:.3} (below terminal height {:.3}) lateral {:.3} m/s, tilt {:.2} deg, control {:.3} navigation {:.3} m, \
+             hover rms height {:.3} lateral {:.3} m, airborne {:.2} s",
+            self.0[0], self.0[1], self.0[2], self.0[3], self.0[4], self.0[5], self.0[6], self.0[7], self.0[8]
+        );
+    }
+}
+
+#[test]
+fn hop_of_50_m_in_wind_lands_within_limits_on_every_seed() {
+    let mut worst = Worst::default();
+    for seed in 0..24 {
+        let flight = fly(Mission::default(), Conditions::dispersed(seed), false);
+        judge(&flight, seed);
+        assert!(flight.airborne_s <= 38.0, "seed {seed}: {flight:?}");
+        assert!(flight.greatest_terminal_speed_m_s <= 0.85, "seed {seed}: {flight:?}");
+        assert!((flight.greatest_height_m - 50.0).abs() < 0.5, "seed {seed}: {flight:?}");
+        worst.add(&flight);
+    }
+    worst.report("hop 50 m");
+}
+
+#[test]
+fn hop_of_5_m_in_wind_lands_within_limits_on_every_seed() {
+    let mut worst = Worst::default();
+    for seed in 100..124 {
+        let flight = fly(hop_5m(), Conditions::dispersed(seed), false);
+        judge(&flight, seed);
+        worst.add(&flight);
+    }
+    worst.report("hop 5 m");
+}
+
+#[test]
+fn landing_beside_the_start_is_reached() {
+    let mission = Mission { target_north_east_m: [8.0, -5.0], ..Mission::default() };
+    for seed in 200..206 {
+        judge(&fly(mission.clone(), Conditions::dispersed(seed), false), seed);
+    }
+}
+
+/// Corners of what the loops are not told: dead time, slow gimbal, undamped slosh, inertia.
+#[test]
+fn loops_have_margin_against_dead_time_slow_servos_and_undamped_slosh() {
+    let nominal = |seed| Conditions::dispersed(seed);
+    let corners: [(&str, Conditions); 6] = [
+        ("servo dead time 30 ms", Conditions { servo_delay_s: 0.030, ..nominal(300) }),
+        ("gimbal at 5 Hz", Conditions { gimbal_natural_frequency_rad_s: 31.4, ..nominal(301) }),
+        ("slosh damping 0.3 %", Conditions { slosh_damping: 0.003, ..nominal(302) }),
+        ("inertia +30 %", Conditions { inertia_factor: 1.3, ..nominal(303) }),
+        ("inertia -30 %", Conditions { inertia_factor: 0.7, ..nominal(304) }),
+        (
+            "all at once",
+            Conditions {
+                servo_delay_s: 0.020,
+                gimbal_natural_frequency_rad_s: 40.0,
+                slosh_damping: 0.005,
+                inertia_factor: 0.8,
+                ..nominal(305)
+            },
+        ),
+    ];
+    for (name, conditions) in corners {
+        let seed = conditions.seed;
+        let flight = fly(Mission::default(), conditions, false);
+        let mut worst = Worst::default();
+        worst.add(&flight);
+        worst.report(name);
+        judge(&flight, seed);
+        assert!(flight.greatest_tilt_rad < 8f64.to_radians(), "{name}: {flight:?}");
+    }
+}
+
+#[test]
+#[ignore = "a trace to look at"]
+fn trace() {
+    let seed = std::env::var("SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
+    let flight = fly(Mission::default(), Conditions::dispersed(seed), true);
+    eprintln!("{flight:#?}");
+}
