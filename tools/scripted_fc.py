@@ -2,9 +2,8 @@
 
     hopbench hil scenarios/hover_5m.toml --fc udp-listen:127.0.0.1:14600
     python tools/scripted_fc.py udp:127.0.0.1:14600
-
-Position and attitude come from the rig's tracking (ODOMETRY, 50 Hz), rates from HIL_SENSOR; every HIL_SENSOR is answered
-by one HIL_ACTUATOR_CONTROLS with its time. Cascade: position P, velocity PI, attitude P, rate P. Body axes FRD, world NED.
+Pose from the rig's tracking (ODOMETRY, 50 Hz), rates from HIL_SENSOR; every HIL_SENSOR is answered by one
+HIL_ACTUATOR_CONTROLS with its time. Cascade: position P, velocity PI, attitude P, rate P. Body FRD, world NED.
 """
 
 import os
@@ -14,12 +13,10 @@ import time
 os.environ["MAVLINK20"] = "1"
 from pymavlink import mavutil  # noqa: E402
 
-G = 9.80665
 # Steady working points of the reference vehicle: thrust [N], valve angle [deg]; integrators take up wear and port radius.
 THRUST_TO_VALVE = [(300, 15.022), (450, 17.878), (650, 21.451), (850, 25.040), (1000, 28.888)]
-FULL_OPEN_DEG, GIMBAL_LIMIT_RAD, ISP_S = 78.84, 0.12217, 193.0
-INERTIA_KG_M2, COM_ABOVE_PIVOT_M = 22.0, 0.40
-HOVER_M, HOVER_S = 5.0, 5.0
+G, FULL_OPEN_DEG, GIMBAL_LIMIT_RAD, ISP_S = 9.80665, 78.84, 0.12217, 193.0
+INERTIA_KG_M2, COM_ABOVE_PIVOT_M, HOVER_M, HOVER_S = 22.0, 0.40, 5.0, 5.0
 PHASES = ["pad", "armed", "lit", "climb", "hover", "descend", "down", "disarmed"]
 
 
@@ -28,8 +25,7 @@ def clamp(value, limit):
 
 
 def valve_control(thrust_n):
-    """controls[0] for a thrust: linear between working points, held within them."""
-    thrust_n = max(300.0, min(1000.0, thrust_n))
+    """controls[0] for a thrust within the table: linear between working points."""
     for (t0, a0), (t1, a1) in zip(THRUST_TO_VALVE, THRUST_TO_VALVE[1:]):
         if thrust_n <= t1:
             return (a0 + (a1 - a0) * (thrust_n - t0) / (t1 - t0)) / FULL_OPEN_DEG
@@ -45,11 +41,9 @@ class Pilot:
 
     def on_odometry(self, m):
         q0, q1, q2, q3 = m.q
-        v = [m.vx, m.vy, m.vz]
-        if m.child_frame_id != mavutil.mavlink.MAV_FRAME_LOCAL_NED:  # in body axes; to NED, tilt and heading being small
-            roll, pitch, yaw = 2 * q1, 2 * q2, 2 * q3
-            v = [v[0] - yaw * v[1] + pitch * v[2], v[1] + yaw * v[0] - roll * v[2], v[2] - pitch * v[0] + roll * v[1]]
-        self.position, self.velocity = [m.x, m.y, m.z], v
+        x, y, z = (0, 0, 0) if m.child_frame_id == 1 else (2 * q1, 2 * q2, 2 * q3)  # 1: NED; else body, tilted a little
+        self.velocity = [m.vx - z * m.vy + y * m.vz, m.vy + z * m.vx - x * m.vz, m.vz - y * m.vx + x * m.vy]
+        self.position = [m.x, m.y, m.z]
         measured = (2 * (q0 * q1 + q2 * q3), 2 * (q0 * q2 - q1 * q3), 2 * (q0 * q3 + q1 * q2))  # small angles
         self.attitude = [a + 0.3 * (b - a) for a, b in zip(self.attitude, measured)]
         if self.phase == "pad":
@@ -58,78 +52,68 @@ class Pilot:
     def controls(self, sensor):
         now_s = sensor.time_usec * 1e-6
         dt_s = now_s - self.last_s if self.last_s else 0.004
-        self.last_s, self.since_s = now_s, self.since_s or now_s
+        self.last_s, self.since_s = now_s, self.since_s or now_s  # the first sample starts the first phase
         in_phase_s = now_s - self.since_s
         height = self.rest_down - self.position[2] if self.rest_down is not None else 0.0
         finished = {
             "pad": in_phase_s > 2.5 and self.rest_down is not None,
             "armed": in_phase_s > 1.5,  # the isolation valve opens in 1 s
             "lit": in_phase_s > 1.2,  # at least thrust: delay 0.3 s, the flame rises in 0.6 s
-            "climb": height > HOVER_M - 0.3,
-            "hover": in_phase_s > HOVER_S,
+            "climb": height > HOVER_M - 0.3, "hover": in_phase_s > HOVER_S, "down": in_phase_s > 1.0,
             "descend": height < 0.2 and sensor.zacc < -14.0,  # the legs push
-            "down": in_phase_s > 1.0,
         }
         if finished.get(self.phase):
             self.phase, self.since_s, in_phase_s = PHASES[PHASES.index(self.phase) + 1], now_s, 0.0
             print(f"{now_s:7.3f} s {self.phase}, {height:.2f} m", file=sys.stderr)
 
-        gyro = (sensor.xgyro, sensor.ygyro, sensor.zgyro)
-        if self.phase == "pad":
-            self.rate_bias = [b + 0.01 * (g - b) for b, g in zip(self.rate_bias, gyro)]
+        gyro, learning = (sensor.xgyro, sensor.ygyro, sensor.zgyro), 0.01 if self.phase == "pad" else 0.0
+        self.rate_bias = [b + learning * (g - b) for b, g in zip(self.rate_bias, gyro)]
         rate = [g - b for g, b in zip(gyro, self.rate_bias)]
         self.attitude = [a + r * dt_s for a, r in zip(self.attitude, rate)]
+
         if self.phase in ("pad", "armed", "lit", "down", "disarmed"):
-            return self.phase not in ("pad", "disarmed"), [valve_control(300.0) if self.phase == "lit" else 0.0, 0.0, 0.0, 0.0]
+            throttle = valve_control(300.0) if self.phase == "lit" else 0.0
+            return self.phase not in ("pad", "disarmed"), [throttle, 0.0, 0.0, 0.0]
 
         # Velocity wanted, then acceleration, then thrust and tilt.
-        descent_m_s = 0.5 if height < 1.2 else 1.2
-        down_m_s = descent_m_s if self.phase == "descend" else clamp(0.8 * (height - HOVER_M), min(1.5, 0.3 + in_phase_s))
+        climb_m_s, sink_m_s = clamp(0.8 * (HOVER_M - height), min(1.5, 0.3 + in_phase_s)), 0.5 if height < 1.2 else 1.2
+        down_m_s = sink_m_s if self.phase == "descend" else -climb_m_s
         wanted = [clamp(-0.35 * self.position[0], 0.5), clamp(-0.35 * self.position[1], 0.5), down_m_s]
         error = [w - v for w, v in zip(wanted, self.velocity)]
-        gain, integral = (0.9, 0.9, 1.8), (0.15, 0.15, 0.6)
-        self.accel_trim = [clamp(t + k * e * dt_s, 1.5) for t, k, e in zip(self.accel_trim, integral, error)]
-        north, east, down = (clamp(k * e + t, 2.0) for k, e, t in zip(gain, error, self.accel_trim))
-        thrust_n = max(300.0, min(1000.0, self.mass_kg * (G - down)))
+        self.accel_trim = [clamp(t + k * e * dt_s, 1.5) for t, k, e in zip(self.accel_trim, (0.15, 0.15, 0.6), error)]
+        north, east, down = (clamp(k * e + t, 2.0) for k, e, t in zip((0.9, 0.9, 1.8), error, self.accel_trim))
+        thrust_n = min(1000.0, max(300.0, self.mass_kg * (G - down)))
         self.mass_kg -= thrust_n / (G * ISP_S) * dt_s
 
         # Thrust is along -z: pitch down to go north, roll right to go east; nose to north.
         tilt = (clamp(east / G, 0.1), clamp(-north / G, 0.1))
-        rate_wanted = [clamp(2.2 * (t - a), 0.3) for t, a in zip(tilt, self.attitude)]
-        per_rad = thrust_n * COM_ABOVE_PIVOT_M / INERTIA_KG_M2  # angular acceleration of one rad of gimbal
-        gimbal = [clamp(6.0 * (w - r) / per_rad / GIMBAL_LIMIT_RAD, 1.0) for w, r in zip(rate_wanted, rate)]
+        turn = [clamp(2.2 * (t - a), 0.3) for t, a in zip(tilt, self.attitude)]  # rate wanted
+        authority = thrust_n * COM_ABOVE_PIVOT_M / INERTIA_KG_M2 * GIMBAL_LIMIT_RAD  # rad/s2 of a full deflection
+        gimbal = [clamp(6.0 * (w - r) / authority, 1.0) for w, r in zip(turn, rate)]
         return True, [valve_control(thrust_n), *gimbal, clamp(-2.0 * self.attitude[2] - 2.5 * rate[2], 1.0)]
 
 
 def fly(connection):
-    """Answers HIL_SENSOR until the bench falls silent for 3 s; True when the pilot came down and disarmed."""
+    """Answers HIL_SENSOR until the bench is silent for 3 s; True when the pilot came down and disarmed."""
     pilot, heartbeat_s, deadline_s = Pilot(), 0.0, time.monotonic() + 30.0
     while time.monotonic() < deadline_s:
         if time.monotonic() > heartbeat_s:  # once a second, faster until the bench answers
             connection.mav.heartbeat_send(9, 0, 32 | (0 if pilot.phase in ("pad", "disarmed") else 128), 0, 4)
             heartbeat_s = time.monotonic() + (1.0 if pilot.last_s else 0.1)
         message = connection.recv_match(type=["ODOMETRY", "HIL_SENSOR"], blocking=True, timeout=0.1)
-        if message is None:
-            continue
-        deadline_s = time.monotonic() + 3.0
-        if message.get_type() == "ODOMETRY":
+        deadline_s = time.monotonic() + 3.0 if message else deadline_s
+        if message and message.get_type() == "ODOMETRY":
             pilot.on_odometry(message)
-            continue
-        armed, controls = pilot.controls(message)
-        connection.mav.hil_actuator_controls_send(message.time_usec, controls + [0.0] * 12, 1 | (128 if armed else 0), 1)
+        elif message:
+            armed, controls = pilot.controls(message)
+            mode = 1 | (128 if armed else 0)
+            connection.mav.hil_actuator_controls_send(message.time_usec, controls + [0.0] * 12, mode, 1)
     return pilot.phase == "disarmed"
 
 
-def connect(link):
-    """Opens a LINK: udp:HOST:PORT, udp-listen:…, tcp:…, tcp-listen:…, serial:PATH:BAUD."""
-    kind, place, last = link.split(":")
-    if kind == "serial":
-        return mavutil.mavlink_connection(place, baud=int(last), source_system=1, source_component=1)
-    prefix = {"udp": "udpout", "udp-listen": "udpin", "tcp": "tcp", "tcp-listen": "tcpin"}[kind]
-    return mavutil.mavlink_connection(f"{prefix}:{place}:{last}", source_system=1, source_component=1)
-
-
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    sys.exit(0 if fly(connect(sys.argv[1])) else "the vehicle did not come down")
+    kind, place, last = sys.argv[1].split(":")  # udp:HOST:PORT, udp-listen:…, tcp:…, tcp-listen:…, serial:PATH:BAUD
+    names = {"udp": "udpout:", "udp-listen": "udpin:", "tcp": "tcp:", "tcp-listen": "tcpin:"}
+    device, baud = (place, int(last)) if kind == "serial" else (f"{names[kind]}{place}:{last}", 0)
+    landed = fly(mavutil.mavlink_connection(device, baud=baud, source_system=1, source_component=1))
+    sys.exit(0 if landed else "the vehicle did not come down")

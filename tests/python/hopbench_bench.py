@@ -106,10 +106,13 @@ class Bench:
     sets        {"arm_wait_s": 5} or ["arm_wait_s=5"], each a --set
     seed        --seed
     extra       further arguments
+    connect     False: with a listening bench, leave the link to another program (its address is ready["fc"])
     """
 
-    def __init__(self, scenario, fc="udp", profile=None, lockstep=None, fast=False, sets=(), seed=None, extra=()):
-        self.scenario, self.fc, self.profile = scenario_path(scenario), fc, profile
+    def __init__(
+        self, scenario, fc="udp", profile=None, lockstep=None, fast=False, sets=(), seed=None, extra=(), connect=True
+    ):
+        self.scenario, self.fc, self.profile, self.connect = scenario_path(scenario), fc, profile, connect
         self.lockstep, self.fast, self.seed, self.extra = lockstep, fast, seed, list(extra)
         pairs = [f"{key}={value}" for key, value in sets.items()] if isinstance(sets, dict) else sets
         self.sets = list(pairs)
@@ -147,7 +150,7 @@ class Bench:
         with open(self.folder / "stdout", "w") as out, open(self.folder / "stderr", "w") as err:
             self.process = subprocess.Popen(self.command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
         self._wait_until_ready()
-        if self.connection is None and self.fc:
+        if self.connection is None and self.fc and self.connect:
             _, host, port = self.ready["fc"].rsplit(":", 2)
             pymavlink_kind = {"udp-listen": "udpout", "tcp-listen": "tcp"}[self.fc]
             self._own(mavutil.mavlink_connection(f"{pymavlink_kind}:{host}:{port}", **self._identity()))

@@ -118,11 +118,12 @@ def test_no_two_samples_are_alike(case):
     for names, samples in groups.items():
         for name in names:
             values = [getattr(sample, name) for sample in samples]
-            # One channel alone may repeat by chance once it is rounded to a float of the wire; a stuck one repeats always.
-            repeats = sum(a == b for a, b in zip(values, values[1:]))
-            assert repeats < 0.02 * len(values), name
-        rows = [tuple(getattr(sample, name) for name in names) for sample in samples]
-        assert all(a != b for a, b in zip(rows, rows[1:])), names
+            # One channel may repeat by chance: a pressure near 1000 hPa has steps of 6e-5 on the wire, against a noise of
+            # 0.025. A stuck one repeats always, and three at once never by chance.
+            assert sum(a == b for a, b in zip(values, values[1:])) < 0.02 * len(values), name
+        if len(names) > 1:
+            rows = [tuple(getattr(sample, name) for name in names) for sample in samples]
+            assert all(a != b for a, b in zip(rows, rows[1:])), names
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if case[0] != "generic"], ids=str)

@@ -93,7 +93,8 @@ fn pytest_command(python: &Path, hopbench: &Path) -> Command {
 fn release_binary() -> Result<PathBuf, Failure> {
     stage("release build", cargo().args(["build", "--release", "--locked", "-p", "hopbench-hil"]))?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    let binary = root().join(target).join("release").join(format!("hopbench{}", std::env::consts::EXE_SUFFIX));
+    let binary =
+        root().join(target).join("release").join(format!("hopbench{}", std::env::consts::EXE_SUFFIX));
     if binary.is_file() {
         Ok(binary)
     } else {

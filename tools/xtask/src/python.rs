@@ -15,7 +15,8 @@ const OLDEST: (u32, u32) = (3, 10);
 /// The interpreter of an environment that holds what the lock file names.
 pub fn environment(root: &Path) -> Result<PathBuf, Failure> {
     let system = system_python()?;
-    let lock = fs::read_to_string(root.join(LOCK)).map_err(|error| Failure::new(format!("{LOCK}: {error}")))?;
+    let lock =
+        fs::read_to_string(root.join(LOCK)).map_err(|error| Failure::new(format!("{LOCK}: {error}")))?;
     let venv = root.join(".venv");
     let python = venv.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
 
@@ -26,22 +27,16 @@ pub fn environment(root: &Path) -> Result<PathBuf, Failure> {
         return Ok(python);
     }
 
-    stage(
-        "Python environment",
-        Command::new(&system.program).args(["-m", "venv", "--clear"]).arg(&venv),
-    )?;
+    stage("Python environment", Command::new(system.program).args(["-m", "venv", "--clear"]).arg(&venv))?;
     stage(
         "Python packages",
-        Command::new(&python).args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args([
-            "--require-hashes",
-            "--no-deps",
-            "--only-binary=:all:",
-            "--requirement",
-            LOCK,
-        ]),
+        Command::new(&python)
+            .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
+            .args(["--require-hashes", "--no-deps", "--only-binary=:all:", "--requirement", LOCK]),
     )?;
     // Written last: an interrupted installation is made again.
-    fs::write(&stamp_path, stamp).map_err(|error| Failure::new(format!("{}: {error}", stamp_path.display())))?;
+    fs::write(&stamp_path, stamp)
+        .map_err(|error| Failure::new(format!("{}: {error}", stamp_path.display())))?;
     Ok(python)
 }
 
