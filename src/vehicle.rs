@@ -7,18 +7,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::actuator::{Gimbal, Servo};
+use crate::actuator::{Gimbal, Servo, StrokeValve};
 use crate::controls::Controls;
 use crate::dynamics::aerodynamics::Aerodynamics;
 use crate::dynamics::landing_gear::{HoldDown, LandingGear};
 use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
 use crate::dynamics::slosh::Slosh;
 use crate::environment::Site;
+use crate::fluid::{Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
-    Engine, EngineParameters, FeedParameters, PaperMode, Pressurant, PressurantParameters, ReactionControl,
-    ReactionControlParameters, TableError,
+    Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation, NitrogenInventory,
+    NitrogenState, PairLevels, PaperMode, Pressurant, ReactionControl, Tank, Vent, VentedGas,
 };
 use crate::sensor::SensorParameters;
 
@@ -35,11 +36,11 @@ pub struct VehicleFile {
     /// Tank, valve, manifold, injector, isolation, vent.
     pub feed: FeedParameters,
     /// Bottle and regulator.
-    pub pressurant: PressurantParameters,
+    pub pressurant: Pressurant,
     /// Gimbal servos.
     pub gimbal: Gimbal,
     /// Cold-gas thrusters.
-    pub rcs: ReactionControlParameters,
+    pub rcs: ReactionControl,
     /// Liquid in motion.
     pub slosh: Slosh,
     /// Drag.
@@ -107,9 +108,6 @@ impl VehicleFile {
                 faults.push(fault.within(parent));
             }
         };
-        note(self.engine.validate(), "engine");
-        note(self.feed.validate(), "feed");
-        note(self.pressurant.validate(&self.feed.tank), "pressurant");
         note(self.rcs.validate(), "rcs");
         note(self.sensors.validate(), "sensors");
         note(self.controls.validate(), "controls");
@@ -123,6 +121,31 @@ impl VehicleFile {
     }
 }
 
+/// Table that a vehicle file names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Table {
+    /// `engine.map.file`.
+    Map,
+    /// `feed.valve.area_file`.
+    ValveArea,
+}
+
+/// Why a vehicle file and its tables make no vehicle.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum VehicleError {
+    /// A table cannot be read.
+    #[error("{message}")]
+    Table {
+        /// Which.
+        table: Table,
+        /// Line and column, and what is wrong there.
+        message: String,
+    },
+    /// A key contradicts a table or another key.
+    #[error("{0}")]
+    Invalid(#[from] Invalid),
+}
+
 /// A vehicle, ready for a plant: parameters in body FRD, tables parsed.
 #[derive(Clone, Debug)]
 pub struct Vehicle {
@@ -132,11 +155,27 @@ pub struct Vehicle {
     pub rating: Rating,
     /// What a flight controller's channels mean.
     pub controls: Controls,
-    /// Everything from the valve to the nozzle.
+    /// Everything from the valve to the nozzle, as one function.
     pub engine: Engine,
-    /// Bottle, regulator, run tank's gas.
+    /// The numbers it was made of.
+    pub engine_parameters: EngineParameters,
+    /// Delay from a command to the valve's motion [s].
+    pub valve_delay_s: f64,
+    /// Step of the valve's encoder [rad]; 0: none.
+    pub valve_encoder_rad: f64,
+    /// Run tank.
+    pub tank: Tank,
+    /// Valve between tank and throttle.
+    pub isolation: Isolation,
+    /// Vent of the run tank.
+    pub vent: Vent,
+    /// Bottle and regulator.
     pub pressurant: Pressurant,
-    /// Gimbal servos.
+    /// Servo of the throttle valve.
+    pub valve_servo: Servo,
+    /// Servo of either gimbal axis.
+    pub gimbal_servo: Servo,
+    /// Gimbal.
     pub gimbal: Gimbal,
     /// Cold-gas thrusters.
     pub reaction_control: ReactionControl,
@@ -154,4 +193,172 @@ pub struct Vehicle {
     pub sensors: SensorParameters,
     /// Masses.
     pub mass: MassModel,
+    /// Density of the liquid in the tank [kg/m³].
+    pub nitrous_density_kg_m3: f64,
+}
+
+impl Vehicle {
+    /// From a file that was read and the texts of the two tables that it names.
+    ///
+    /// # Errors
+    /// When a table cannot be read or contradicts the file.
+    pub fn new(file: VehicleFile, map: &str, valve_area: &str) -> Result<Self, VehicleError> {
+        let texts = EngineTexts { map, valve_area };
+        let engine = Engine::new(&file.engine, &file.feed, &file.paper_mode, texts).map_err(|e| match e {
+            EngineError::Map(e) => VehicleError::Table { table: Table::Map, message: e.to_string() },
+            EngineError::ValveArea(e) => VehicleError::Table { table: Table::ValveArea, message: e.to_string() },
+            EngineError::Parameter(e) => VehicleError::Invalid(e),
+        })?;
+        let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
+        let mut components = file.component;
+        for component in &mut components {
+            to_frd(&mut component.position_m);
+            let inertia = Mat3::from_fn(|row, column| component.inertia_kg_m2[row][column]);
+            let inertia = inertia_frd_from_structural(inertia);
+            component.inertia_kg_m2 =
+                core::array::from_fn(|row| core::array::from_fn(|column| inertia[(row, column)]));
+        }
+        let mut sensors = file.sensors;
+        for vector in sensors.vectors_mut() {
+            to_frd(vector);
+        }
+        let mut rcs = file.rcs;
+        for thruster in &mut rcs.thruster {
+            to_frd(&mut thruster.position_m);
+            to_frd(&mut thruster.force_direction);
+        }
+
+        let mass = MassModel::new(
+            &components,
+            TankGeometry { radius_m: tank.radius_m, length_m: tank.length_m, floor_z_m: tank.floor_z_m },
+            BottleGeometry {
+                radius_m: bottle.radius_m,
+                volume_m3: bottle.volume_m3,
+                centre_z_m: bottle.centre_z_m,
+            },
+            GrainGeometry {
+                port_count: grain.port_count,
+                // Ports of a grain with several stand midway between axis and outer radius.
+                port_circle_radius_m: if grain.port_count == 1 { 0.0 } else { 0.5 * grain.outer_radius_m },
+                outer_radius_m: grain.outer_radius_m,
+                length_m: grain.length_m,
+                top_z_m: grain.top_z_m,
+                fuel_density_kg_m3: grain.fuel_density_kg_m3,
+            },
+            file.slosh.roll_inertia_factor,
+        );
+        let nitrous = Nitrous::tables().liquid(tank.pressure_pa, tank.temperature_k);
+        let valve = &file.feed.valve;
+        Ok(Self {
+            name: file.vehicle.name.clone(),
+            valve_servo: Servo {
+                natural_frequency_rad_s: valve.natural_frequency_rad_s,
+                damping_ratio: valve.damping_ratio,
+                rate_limit_rad_s: valve.rate_limit_rad_s,
+                lower_rad: 0.0,
+                upper_rad: valve.open_angle_rad,
+                backlash_rad: valve.backlash_rad,
+            },
+            gimbal_servo: file.gimbal.servo(),
+            gimbal: file.gimbal,
+            valve_delay_s: valve.delay_s,
+            valve_encoder_rad: valve.encoder_resolution_rad,
+            reaction_control: rcs,
+            engine,
+            engine_parameters: file.engine,
+            tank: file.feed.tank,
+            isolation: file.feed.isolation,
+            vent: file.feed.vent,
+            pressurant: file.pressurant,
+            rating: file.vehicle,
+            controls: file.controls,
+            slosh: file.slosh,
+            aero: file.aero,
+            landing_gear: file.landing_gear,
+            hold_down: file.hold_down,
+            site: file.site,
+            sensors,
+            mass,
+            nitrous_density_kg_m3: nitrous.density_kg_m3,
+        })
+    }
+
+    /// Liquid that the run tank holds at the start [kg].
+    pub fn initial_nitrous_kg(&self) -> f64 {
+        (1.0 - self.tank.ullage_fraction) * self.tank_capacity_kg()
+    }
+
+    /// Liquid that would fill the run tank to the top [kg].
+    pub fn tank_capacity_kg(&self) -> f64 {
+        self.tank.volume_m3() * self.nitrous_density_kg_m3
+    }
+
+    /// Nitrogen at the start, bottle and run tank, above so much liquid [kg].
+    pub fn initial_nitrogen_kg(&self, nitrous_kg: f64) -> f64 {
+        let density = Nitrogen::tables().density_kg_m3(self.tank.pressure_pa, self.tank.temperature_k);
+        self.pressurant.initial_bottle_kg() + density * self.ullage_m3(nitrous_kg)
+    }
+
+    /// Volume above so much liquid in the run tank [m³].
+    pub fn ullage_m3(&self, nitrous_kg: f64) -> f64 {
+        (self.tank.volume_m3() - nitrous_kg / self.nitrous_density_kg_m3).max(0.0)
+    }
+
+    /// Moment of the pair of positive roll at full supply, about body z [N m].
+    pub fn roll_moment_n_m(&self) -> f64 {
+        let rcs = &self.reaction_control;
+        rcs.loads(&PairLevels { a: 0.0, b: 1.0 }, rcs.supply_minimum_pa).moment_body_n_m.z
+    }
+
+    /// Where the nitrogen is.
+    pub fn nitrogen(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> NitrogenState {
+        self.pressurant.distribute(&NitrogenInventory {
+            total_kg: nitrogen_kg,
+            ullage_m3: self.ullage_m3(nitrous_kg),
+            ullage_k: self.tank.temperature_k,
+            flow_kg_s: 0.0,
+            ambient_pa,
+        })
+    }
+
+    /// Flow through the vent [kg/s], `opened` 0 to 1.
+    pub fn vent_kg_s(&self, nitrogen: &NitrogenState, opened: f64, ambient_pa: f64) -> f64 {
+        if opened <= 0.0 {
+            return 0.0;
+        }
+        let density_kg_m3 = Nitrogen::tables().density_kg_m3(nitrogen.tank_pa, self.tank.temperature_k);
+        self.vent.flow_kg_s(&VentedGas { pressure_pa: nitrogen.tank_pa, density_kg_m3, ambient_pa }, opened)
+    }
+
+    /// Isolation valve in time.
+    pub fn isolation_stroke(&self) -> StrokeValve {
+        StrokeValve { stroke_time_s: self.isolation.stroke_time_s }
+    }
+
+    /// Vent valve in time.
+    pub fn vent_stroke(&self) -> StrokeValve {
+        StrokeValve { stroke_time_s: self.vent.stroke_time_s }
+    }
+
+    /// The nearest angle that the valve's encoder can resolve [rad].
+    pub fn encoded(&self, valve_rad: f64) -> f64 {
+        if self.valve_encoder_rad > 0.0 {
+            ((valve_rad / self.valve_encoder_rad).round() * self.valve_encoder_rad).min(self.valve_servo.upper_rad)
+        } else {
+            valve_rad
+        }
+    }
+
+    /// What full scale of the control channels means.
+    pub fn control_scale(&self) -> crate::controls::Scale {
+        crate::controls::Scale {
+            thrust_rated_n: self.rating.thrust_rated_n,
+            valve_open_rad: self.valve_servo.upper_rad,
+            gimbal_limit_rad: self.gimbal.limit_rad,
+        }
+    }
+}
+
+fn to_frd(v: &mut [f64; 3]) {
+    *v = frd_from_structural(Vec3::from(*v)).into();
 }

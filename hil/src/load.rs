@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use hopbench::input::{Document, Fault, InputError};
 use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
-use hopbench::vehicle::{Vehicle, VehicleFile};
+use hopbench::vehicle::{Table, Vehicle, VehicleError, VehicleFile};
 
 /// Values that replace those of the files, as `KEY=VALUE`.
 pub type Overrides = [String];
@@ -71,10 +71,10 @@ fn vehicle_of(path: &Path, document: &Document) -> Result<Vehicle, InputError> {
     let map_path = folder.join(&file.engine.map.file);
     let area_path = folder.join(&file.feed.valve.area_file);
     let (map, area) = (text(&map_path)?, text(&area_path)?);
-    Vehicle::new(file, &map, &area).map_err(|e| match e.table() {
-        Some(hopbench::vehicle::Table::Map) => unusable(&map_path, e.to_string()),
-        Some(hopbench::vehicle::Table::ValveArea) => unusable(&area_path, e.to_string()),
-        None => document.error(e.into_faults()),
+    Vehicle::new(file, &map, &area).map_err(|e| match e {
+        VehicleError::Table { table: Table::Map, message } => unusable(&map_path, message),
+        VehicleError::Table { table: Table::ValveArea, message } => unusable(&area_path, message),
+        VehicleError::Invalid(fault) => document.error(vec![fault]),
     })
 }
 

@@ -14,21 +14,21 @@ pub use sequence::PlantEvent;
 pub use snapshot::Snapshot;
 pub use state::{Rate, State};
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector2};
+use nalgebra::{Quaternion, Vector2};
 
-use crate::actuator::{DelayLine, Servo, ServoOutput, ServoState, StrokeValve};
+use crate::actuator::{DelayLine, ServoOutput, ServoState, StrokeValve};
 use crate::dynamics::Load;
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
-use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassProperties, Outflow};
+use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassProperties, MassRate, Outflow};
 use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::environment::Environment;
-use crate::frame::{self, Mat3, Vec3, quaternion_rate, structural_from_frd};
+use crate::frame::{self, Vec3, quaternion_rate, structural_from_frd};
 use crate::input::Invalid;
 use crate::integrator::rk4_step;
 use crate::propulsion::{
-    BelowMinimum, ChamberGas, ChamberModel, EngineCondition, FeedMap, Guess, Modulator, OperatingPoint,
-    PressurantState,
+    BelowMinimum, ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, FlameConditions, Guess, Modulator,
+    NitrogenState, OperatingPoint, Pair, PairLevels,
 };
 use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
 use crate::sensor::Truth;
@@ -36,7 +36,7 @@ use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
-use sequence::{Flame, Observed, Sequence};
+use sequence::Sequence;
 
 /// The plant's step.
 pub const STEP: SimTime = SimTime::from_us(1_000);
@@ -46,6 +46,9 @@ const ENGINE_CONTROL: SimTime = SimTime::from_us(4_000);
 
 /// The feed's tables are rebuilt when the tank pressure has moved by so much [Pa]: 1e-4 of flow.
 const FEED_TOLERANCE_PA: f64 = 1_000.0;
+
+/// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
+const OUTFLOWS: usize = 2 + 16;
 
 /// The vehicle in its world.
 pub struct Plant {
@@ -81,8 +84,6 @@ struct Options {
 #[derive(Clone, Copy, Debug)]
 struct Outlets {
     nozzle: Vec3,
-    /// Mean position of the thruster pairs of positive and of negative moment.
-    rcs: [Vec3; 2],
     vent: Vec3,
 }
 
@@ -105,11 +106,13 @@ struct Held {
     feed: FeedMap,
     guess: Guess,
     modulator: Modulator,
-    /// Level that each thruster pair is told, 0 to 1.
-    rcs_command: [f64; 2],
+    /// Share of the step in which the valves of each thruster pair are open.
+    rcs_open: PairLevels,
     /// What the engine controller made of the throttle.
     demand: Demand,
     flame: Flame,
+    igniter: bool,
+    ignition: Option<SimTime>,
     nitrous_depleted: bool,
     bottle_low: bool,
     saturated: bool,
@@ -138,7 +141,7 @@ pub struct Evaluation {
     /// Gimbal behind the play [rad].
     pub gimbal_rad: Vector2<f64>,
     /// Bottle and run tank.
-    pub pressurant: PressurantState,
+    pub pressurant: NitrogenState,
     /// Mass properties about the pivot, liquid at rest, engine at zero gimbal.
     pub mass: MassProperties,
     /// Share of the mass that sloshes and where it is, for reports.
@@ -181,20 +184,20 @@ impl Plant {
                 format!("{nitrous_kg} is out of range; the tank holds 0 to {:.3}", vehicle.tank_capacity_kg()),
             ));
         }
-        let port_radius_m = start.port_radius_m.unwrap_or(vehicle.engine.grain.port_radius_m);
-        if port_radius_m > vehicle.engine.grain.outer_radius_m {
+        let port_radius_m = start.port_radius_m.unwrap_or(vehicle.engine_parameters.grain.port_radius_m);
+        if port_radius_m > vehicle.engine_parameters.grain.outer_radius_m {
             return Err(Invalid::new(
                 "initial.port_radius_m",
                 format!(
                     "{port_radius_m} is out of range; allowed up to the grain's {}",
-                    vehicle.engine.grain.outer_radius_m
+                    vehicle.engine_parameters.grain.outer_radius_m
                 ),
             ));
         }
         let nitrogen_kg =
             start.nitrogen_kg.unwrap_or_else(|| vehicle.initial_nitrogen_kg(vehicle.initial_nitrous_kg()));
         let throat_radius_m =
-            start.throat_radius_m.unwrap_or(0.5 * vehicle.engine.nozzle.throat_diameter_m);
+            start.throat_radius_m.unwrap_or(0.5 * vehicle.engine_parameters.nozzle.throat_diameter_m);
         let q = start.q_ned_from_body;
         let state = State {
             position_ned_m: Vec3::from(start.position_ned_m),
@@ -212,9 +215,8 @@ impl Plant {
             options,
             pads_body_m: vehicle.landing_gear.pads_body_m(),
             outlets: Outlets {
-                nozzle: Vec3::new(0.0, 0.0, -vehicle.engine.nozzle.exit_z_m),
-                rcs: vehicle.reaction_control.outlets_body_m(),
-                vent: Vec3::new(0.0, 0.0, -vehicle.tank_top_z_m()),
+                nozzle: Vec3::new(0.0, 0.0, -vehicle.engine_parameters.nozzle.exit_z_m),
+                vent: Vec3::new(0.0, 0.0, -(vehicle.tank.floor_z_m + vehicle.tank.length_m)),
             },
             rest_height_m: 0.0,
             time: SimTime::ZERO,
@@ -230,22 +232,24 @@ impl Plant {
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
                 anchors: Anchors::default(),
-                feed: vehicle.engine.feed_map(vehicle.tank_pressure_pa, vehicle.tank_temperature_k),
+                feed: FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k),
                 guess: Guess::default(),
-                modulator: vehicle.reaction_control.modulator(),
-                rcs_command: [0.0; 2],
+                modulator: Modulator::default(),
+                rcs_open: PairLevels::default(),
                 demand: Demand {
                     throttle: Throttle::ValveRad(0.0),
                     solved: None,
                     valve_rad: 0.0,
                     thrust_n: 0.0,
                 },
-                flame: if running { Flame::Lit } else { Flame::Out },
+                flame: Flame { lit: running, was_lit: running, ..Flame::default() },
+                igniter: false,
+                ignition: running.then_some(SimTime::ZERO),
                 nitrous_depleted: false,
                 bottle_low: false,
                 saturated: false,
             },
-            sequence: Sequence::new(scenario.file.sequence.source, vehicle.hold_down.release_time_s, running),
+            sequence: Sequence::new(scenario.file.sequence.source, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             vehicle,
         };
@@ -283,14 +287,31 @@ impl Plant {
         self.held.valve_play_rad = self.held.demand.valve_rad;
         self.held.valve_delay =
             DelayLine::for_interval(SimTime::from_s(self.vehicle.valve_delay_s), self.state.valve_rad, STEP);
-        let area_m2 = self.vehicle.engine.valve_area_m2(self.state.valve_rad);
-        let steady = EngineCondition { chamber_gas: None, ..self.condition(&self.state) };
-        let point = self.vehicle.engine.operating_point(&self.held.feed, area_m2, &steady, self.held.guess);
-        if self.vehicle.engine.chamber.model == ChamberModel::Filling {
-            let gas = self.vehicle.engine.steady_chamber_gas(&point, &steady);
-            self.state.chamber_oxidizer_kg = gas.oxidizer_kg;
-            self.state.chamber_fuel_kg = gas.fuel_kg;
+        if self.vehicle.engine_parameters.chamber.model == ChamberModel::Filling {
+            self.fill_chamber();
         }
+    }
+
+    /// Lets the chamber fill at the present valve angle until nothing changes any more.
+    fn fill_chamber(&mut self) {
+        let area_m2 = self.vehicle.engine.valve_area().area_m2(self.state.valve_rad);
+        let at_rest = self.vehicle.engine.gas_at_rest(&self.condition(&self.state));
+        let mut gas = at_rest;
+        let rate = |gas: ChamberGas| {
+            let condition = EngineCondition { chamber_gas: Some(gas), ..self.condition(&self.state) };
+            self.vehicle.engine.operating_point(&self.held.feed, area_m2, &condition, self.held.guess).chamber_gas_rate
+        };
+        let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {
+            oxidizer_kg: gas.oxidizer_kg + rate.oxidizer_kg_s * dt_s,
+            fuel_kg: gas.fuel_kg + rate.fuel_kg_s * dt_s,
+        };
+        // Midpoint steps of 0.5 ms over a second: sixty time constants of the largest chamber.
+        for _ in 0..2_000 {
+            let half = moved(gas, rate(gas), 0.25e-3);
+            gas = moved(gas, rate(half), 0.5e-3);
+        }
+        self.state.chamber_oxidizer_kg = gas.oxidizer_kg;
+        self.state.chamber_fuel_kg = gas.fuel_kg;
     }
 
     /// One step under a command: the block diagram.
@@ -311,8 +332,9 @@ impl Plant {
         let stroke = |valve: StrokeValve, opening: f64, open: bool| {
             valve.opening_after(opening, if open { 1.0 } else { 0.0 }, STEP.s())
         };
-        held.isolation = stroke(self.vehicle.isolation_valve(), held.isolation, positions.isolation_open);
-        held.vent = stroke(self.vehicle.vent_valve(), held.vent, positions.vent_open);
+        held.isolation = stroke(self.vehicle.isolation_stroke(), held.isolation, positions.isolation_open);
+        held.vent = stroke(self.vehicle.vent_stroke(), held.vent, positions.vent_open);
+        held.igniter = positions.igniter;
         held.grip = if held.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
 
         self.control_engine(throttle_on, command.throttle);
@@ -330,12 +352,11 @@ impl Plant {
             held.valve_command_rad = valve_rad;
             self.state.valve_rad = valve_rad;
             held.valve_play_rad = valve_rad;
-            held.rcs_command = [roll.max(0.0), (-roll).max(0.0)];
-            self.state.rcs_level = Vec3::new(held.rcs_command[0], held.rcs_command[1], 0.0);
+            self.state.rcs_level = Vec3::new((-roll).max(0.0), roll.max(0.0), 0.0);
         } else {
             held.valve_delay.push(now, valve_rad);
             held.valve_command_rad = held.valve_delay.at(now);
-            held.rcs_command = held.modulator.step(now, roll);
+            held.rcs_open = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, STEP);
         }
         if self.options.ideal_gimbal {
             held.gimbal_command_rad = Vector2::from(gimbal);
@@ -351,12 +372,12 @@ impl Plant {
     fn throttle_share(&self, throttle: Throttle) -> f64 {
         match throttle {
             Throttle::ThrustN(thrust_n) => thrust_n / self.vehicle.rating.thrust_rated_n,
-            Throttle::ValveRad(valve_rad) => valve_rad / self.vehicle.valve_open_rad(),
+            Throttle::ValveRad(valve_rad) => valve_rad / self.vehicle.valve_servo.upper_rad,
         }
     }
 
     fn shutdown_fraction(&self) -> f64 {
-        if self.options.open_loop { f64::MIN_POSITIVE } else { self.vehicle.engine.ignition.shutdown_fraction }
+        if self.options.open_loop { f64::MIN_POSITIVE } else { self.vehicle.engine_parameters.ignition.shutdown_fraction }
     }
 
     /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own
@@ -376,19 +397,19 @@ impl Plant {
         // The demand is for the burning engine, whatever the flame is doing now.
         let condition =
             EngineCondition { burning_fraction: 1.0, chamber_gas: None, ..self.condition(&self.state) };
-        let hold = engine.ignition.below_minimum == BelowMinimum::Hold && !self.options.open_loop;
+        let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold && !self.options.open_loop;
         let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };
         let feed = &self.held.feed;
         let (valve_rad, thrust_n, saturated) = match throttle {
             Throttle::ThrustN(thrust_n) => {
-                let inverse = engine.inverse(feed, thrust_n.max(least_n), &condition);
+                let inverse = engine.inverse(feed, thrust_n.max(least_n), &condition, self.held.guess);
                 (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
             }
             Throttle::ValveRad(valve_rad) => {
                 let least_rad =
-                    if hold { engine.inverse(feed, least_n, &condition).valve_rad } else { 0.0 };
-                let valve_rad = valve_rad.max(least_rad).min(self.vehicle.valve_open_rad());
-                let area_m2 = engine.valve_area_m2(valve_rad);
+                    if hold { engine.inverse(feed, least_n, &condition, self.held.guess).valve_rad } else { 0.0 };
+                let valve_rad = valve_rad.max(least_rad).min(self.vehicle.valve_servo.upper_rad);
+                let area_m2 = engine.valve_area().area_m2(valve_rad);
                 let point = engine.operating_point(feed, area_m2, &condition, self.held.guess);
                 (valve_rad, point.thrust_n, false)
             }
@@ -403,19 +424,19 @@ impl Plant {
 
     /// Conditions of the engine at a state.
     fn condition(&self, state: &State) -> EngineCondition {
-        let depletion = &self.vehicle.engine.depletion;
+        let parameters = &self.vehicle.engine_parameters;
         EngineCondition {
             port_radius_m: state.port_radius_m,
             throat_radius_m: state.throat_radius_m,
             burning_fraction: state.burning_fraction,
             ambient_pa: self.environment.atmosphere.pressure_pa,
-            chamber_gas: (self.vehicle.engine.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
+            chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
                 oxidizer_kg: state.chamber_oxidizer_kg,
                 fuel_kg: state.chamber_fuel_kg,
             }),
             // Gas follows the liquid: what is left leaves within the tail's time constant.
             oxidizer_flow_limit_kg_s: if self.held.nitrous_depleted {
-                state.nitrous_kg.max(0.0) / depletion.tail_time_constant_s
+                state.nitrous_kg.max(0.0) / parameters.depletion.tail_time_constant_s
             } else {
                 f64::INFINITY
             },
@@ -432,31 +453,35 @@ impl Plant {
         let rcs_rate = if self.options.ideal {
             Vec3::zeros()
         } else {
-            vehicle.reaction_control.level_rate(state.rcs_level, held.rcs_command)
+            let rate = vehicle.reaction_control.rate(&levels(state), &held.rcs_open);
+            Vec3::new(rate.a, rate.b, 0.0)
         };
 
         // Feed and combustion.
-        let valve_area_m2 = vehicle.engine.valve_area_m2(valve.angle_rad);
-        let open_area_m2 = valve_area_m2.min(held.isolation * vehicle.isolation_area_m2);
+        let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
+        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
         let engine =
             vehicle.engine.operating_point(&held.feed, open_area_m2, &self.condition(state), held.guess);
 
         // Pressurant.
-        let pressurant = vehicle.pressurant_state(state.nitrogen_kg, state.nitrous_kg);
-        let rcs_kg_s = [state.rcs_level.x, state.rcs_level.y]
-            .map(|level| vehicle.reaction_control.pair_flow_kg_s(level, pressurant.bottle_pa));
-        let vent_kg_s = vehicle.vent_flow_kg_s(held.vent, &pressurant);
+        let ambient_pa = self.environment.atmosphere.pressure_pa;
+        let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
+        let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
+        let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
 
         // Mass.
         let contents = Contents {
             nitrous_kg: state.nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
             port_radius_m: state.port_radius_m,
-            nitrogen_run_tank_kg: pressurant.run_tank_kg,
+            nitrogen_run_tank_kg: pressurant.tank_kg,
             nitrogen_bottle_kg: pressurant.bottle_kg,
         };
-        let nitrogen_kg_s = -(rcs_kg_s[0] + rcs_kg_s[1] + vent_kg_s);
-        let run_tank_kg_s = pressurant.run_tank_density_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
+        let nitrogen_kg_s = -(thrusters.nitrogen_kg_s + vent_kg_s);
+        // What fills the room that the liquid leaves, at constant pressure.
+        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
+        let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
+        let run_tank_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
         let mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
@@ -466,15 +491,7 @@ impl Plant {
                 nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
             },
         );
-        let flow = FlowTerms::new(
-            &mass.rate,
-            &[
-                Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: engine.nozzle_kg_s },
-                Outflow { position_body_m: self.outlets.rcs[0], mass_flow_kg_s: rcs_kg_s[0] },
-                Outflow { position_body_m: self.outlets.rcs[1], mass_flow_kg_s: rcs_kg_s[1] },
-                Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s },
-            ],
-        );
+        let flow = self.flow_terms(state, &mass.rate, engine.nozzle_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
 
         // Loads.
         let motion = motion(state);
@@ -496,7 +513,7 @@ impl Plant {
             moment_body_n_m: Vec3::zeros(),
         };
         let load = thrust
-            + vehicle.reaction_control.load(state.rcs_level, pressurant.bottle_pa)
+            + Load { force_body_n: thrusters.force_body_n, moment_body_n_m: thrusters.moment_body_n_m }
             + drag
             + contact.load;
 
@@ -545,16 +562,20 @@ impl Plant {
             nitrogen_kg: nitrogen_kg_s,
             port_radius_m: engine.regression_rate_m_s,
             throat_radius_m: engine.throat_erosion_m_s,
-            chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg,
-            chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg,
-            burning_fraction: self.burning_fraction_rate(state),
+            chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
+            chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
+            burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
+                state.burning_fraction,
+                held.flame.lit,
+                &vehicle.engine_parameters.depletion,
+            ),
             valve_rad: valve_rate.angle_rad,
             valve_rad_s: valve_rate.rate_rad_s,
             gimbal_rad: lateral(gimbal_rate[0]),
             gimbal_rad_s: lateral(gimbal_rate[1]),
             rcs_level: rcs_rate,
             expelled_nozzle_kg: engine.nozzle_kg_s,
-            expelled_rcs_kg: rcs_kg_s[0] + rcs_kg_s[1],
+            expelled_rcs_kg: thrusters.nitrogen_kg_s,
             expelled_vent_kg: vent_kg_s,
             imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
             imu_angle_body_rad: state.rate_body_rad_s,
@@ -579,6 +600,36 @@ impl Plant {
             contact,
             wind_ned_m_s,
         }
+    }
+
+    /// What moving contents and outflows add to the balance of momentum.
+    fn flow_terms(
+        &self,
+        state: &State,
+        rate: &MassRate,
+        nozzle_kg_s: f64,
+        vent_kg_s: f64,
+        thrusters_kg_s: f64,
+    ) -> FlowTerms {
+        let rcs = &self.vehicle.reaction_control;
+        let levels = levels(state);
+        let level = |pair: Pair| match pair {
+            Pair::A => levels.a,
+            Pair::B => levels.b,
+        };
+        // All thrusters are alike, so each has its share of the flow by its level.
+        let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
+        let per_level_kg_s = if sum > 0.0 { thrusters_kg_s / sum } else { 0.0 };
+        let mut outflows = [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
+        outflows[1] = Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s };
+        for (outflow, thruster) in outflows[2..].iter_mut().zip(&rcs.thruster) {
+            *outflow = Outflow {
+                position_body_m: Vec3::from(thruster.position_m),
+                mass_flow_kg_s: level(thruster.pair) * per_level_kg_s,
+            };
+        }
+        let count = 2 + rcs.thruster.len().min(OUTFLOWS - 2);
+        FlowTerms::new(rate, &outflows[..count])
     }
 
     /// The oxidiser valve behind its play, and the rate of its servo.
@@ -616,20 +667,10 @@ impl Plant {
         (motion, rates)
     }
 
-    fn burning_fraction_rate(&self, state: &State) -> f64 {
-        match self.held.flame {
-            Flame::Out => 0.0,
-            Flame::Lit => {
-                (1.0 - state.burning_fraction) / self.vehicle.engine.ignition.rise_time_constant_s
-            }
-            Flame::Tail => -state.burning_fraction / self.vehicle.engine.depletion.tail_time_constant_s,
-        }
-    }
-
     /// Discrete events after a step.
     fn settle(&mut self) {
         let now = self.evaluate(&self.state, 0.0);
-        self.held.guess = now.engine.guess();
+        self.held.guess = now.engine.guess;
 
         // What integration may leave a rounding below zero.
         self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
@@ -648,25 +689,10 @@ impl Plant {
                 .held_after(&at(state.gimbal_rad[axis]), self.held.gimbal_play_rad[axis]);
         }
 
-        // Flame.
-        let tail_s = self.vehicle.engine.depletion.tail_time_constant_s;
-        let observed = Observed {
-            oxidizer_kg_s: now.engine.oxidizer_kg_s,
-            chamber_pa: now.engine.chamber_pa,
-            burning_fraction: state.burning_fraction,
-            grain_spent: self.fuel_kg(state) < tail_s * now.engine.fuel_kg_s,
-        };
-        if let Some(event) = self.sequence.burn(self.time, &self.vehicle.engine.ignition, &observed) {
-            let detail = format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
-            self.note(event, detail);
-        }
-        self.held.flame = self.sequence.flame;
-        if self.held.flame == Flame::Out {
-            self.state.burning_fraction = 0.0;
-        }
+        self.settle_flame(&now);
 
         // Depletion.
-        if !self.held.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.unusable_nitrous_kg {
+        if !self.held.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
             self.held.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
@@ -676,8 +702,8 @@ impl Plant {
             self.held.bottle_low = true;
             self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
         }
-        if (now.pressurant.tank_pa - self.held.feed.tank_pa()).abs() > FEED_TOLERANCE_PA {
-            self.held.feed.rebuild(&self.vehicle.engine, now.pressurant.tank_pa, self.vehicle.tank_temperature_k);
+        if (now.pressurant.tank_pa - self.held.feed.built_for().0).abs() > FEED_TOLERANCE_PA {
+            self.held.feed.rebuild(now.pressurant.tank_pa, self.vehicle.tank.temperature_k);
         }
 
         // Feet.
@@ -689,16 +715,47 @@ impl Plant {
         }
     }
 
+    /// Lights, goes out, or dies for want of fuel.
+    fn settle_flame(&mut self, now: &Evaluation) {
+        let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
+        // What is left burns away within the tail.
+        let fuel_left = self.fuel_kg(&self.state) > tail_s * now.engine.fuel_kg_s;
+        let flame = self.vehicle.engine_parameters.ignition.advance(
+            &self.held.flame,
+            &FlameConditions {
+                time: self.time,
+                igniter: self.held.igniter,
+                oxidizer_kg_s: now.engine.oxidizer_kg_s,
+                chamber_pa: now.engine.chamber_pa,
+                fuel_left,
+            },
+        );
+        let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
+        match (self.held.flame.lit, flame.lit) {
+            (false, true) => {
+                self.held.ignition.get_or_insert(self.time);
+                self.note("ignition", chamber());
+            }
+            (true, false) if !fuel_left => self.note("fuel_burn_through", chamber()),
+            (true, false) => {
+                self.state.burning_fraction = 0.0;
+                self.note("shutdown", chamber());
+            }
+            _ => {}
+        }
+        self.held.flame = flame;
+    }
+
     fn note(&mut self, name: &'static str, detail: String) {
         self.events.push(PlantEvent { time: self.time, name, detail });
     }
 
     fn fuel_kg(&self, state: &State) -> f64 {
-        self.vehicle.engine.grain.fuel_mass_kg(state.port_radius_m)
+        self.vehicle.engine_parameters.grain.fuel_kg(state.port_radius_m)
     }
 
     fn mission_s_at(&self, share: f64) -> f64 {
-        match self.sequence.ignition {
+        match self.held.ignition {
             Some(ignition) => self.time.since(ignition).s() + share * STEP.s(),
             None => -1.0,
         }
@@ -706,7 +763,7 @@ impl Plant {
 
     /// Time since ignition [s].
     pub fn mission_s(&self) -> Option<f64> {
-        self.sequence.ignition.map(|ignition| self.time.since(ignition).s())
+        self.held.ignition.map(|ignition| self.time.since(ignition).s())
     }
 
     /// Run time.
@@ -734,6 +791,73 @@ impl Plant {
         self.events.drain(..)
     }
 
+    /// The vehicle as it is now.
+    pub fn snapshot(&self) -> Snapshot {
+        let now = self.evaluate(&self.state, 0.0);
+        self.snapshot_of(&now)
+    }
+
+    fn snapshot_of(&self, now: &Evaluation) -> Snapshot {
+        let state = &self.state;
+        let attitude = state.attitude();
+        let com_body_m = now.displaced.centre_of_mass_body_m();
+        let com_velocity_ned_m_s =
+            state.velocity_ned_m_s + attitude * state.rate_body_rad_s.cross(&com_body_m);
+        let motion = motion(state);
+        let deflection_m = |pad: &Vec3| motion.point_ned_m(*pad).z;
+        let pads = &self.pads_body_m[..self.vehicle.landing_gear.legs()];
+        let leg_deflection_m =
+            if self.options.ground { pads.iter().map(deflection_m).fold(0.0, f64::max) } else { 0.0 };
+        let hull_contact = self.options.ground
+            && [self.outlets.nozzle, self.outlets.vent]
+                .iter()
+                .any(|point| motion.point_ned_m(*point).z > 0.0);
+        let force = now.acceleration.slosh_force_body_n;
+        Snapshot {
+            time: self.time,
+            position_ned_m: state.position_ned_m,
+            velocity_ned_m_s: state.velocity_ned_m_s,
+            q_ned_from_body: attitude,
+            rate_body_rad_s: state.rate_body_rad_s,
+            acceleration_ned_m_s2: now.rate.velocity_ned_m_s,
+            specific_force_body_m_s2: now.acceleration.specific_force_body_m_s2,
+            height_m: -state.position_ned_m.z - self.rest_height_m,
+            mass_kg: now.mass.mass_kg,
+            com_structural_m: structural_from_frd(com_body_m),
+            com_velocity_ned_m_s,
+            inertia_kg_m2: now.displaced.inertia_about_com_kg_m2(),
+            nitrous_kg: state.nitrous_kg,
+            fuel_kg: self.fuel_kg(state),
+            nitrogen_bottle_kg: now.pressurant.bottle_kg,
+            nitrogen_ullage_kg: now.pressurant.tank_kg,
+            chamber_gas_kg: state.chamber_oxidizer_kg + state.chamber_fuel_kg,
+            port_radius_m: state.port_radius_m,
+            throat_radius_m: state.throat_radius_m,
+            oxidizer_kg_s: now.engine.oxidizer_kg_s,
+            fuel_kg_s: now.engine.fuel_kg_s,
+            of_ratio: now.engine.of_ratio,
+            chamber_pa: now.engine.chamber_pa,
+            injector_inlet_pa: now.engine.injector_inlet_pa,
+            quality: now.engine.quality,
+            tank_pa: now.pressurant.tank_pa,
+            bottle_pa: now.pressurant.bottle_pa,
+            valve_rad: now.valve_rad,
+            valve_area_m2: now.valve_area_m2,
+            thrust_command_n: self.held.demand.thrust_n,
+            thrust_n: now.engine.thrust_n,
+            gimbal_rad: [now.gimbal_rad.x, now.gimbal_rad.y],
+            rcs_roll: state.rcs_level.y - state.rcs_level.x,
+            slosh_m: [state.slosh_m.x, state.slosh_m.y],
+            slosh_force_n: [force.x, force.y],
+            wind_ned_m_s: now.wind_ned_m_s,
+            pads_down: now.contact.pads_down as u32,
+            leg_deflection_m,
+            hull_contact,
+            lit: self.held.flame.lit,
+            expelled_kg: [state.expelled_nozzle_kg, state.expelled_rcs_kg, state.expelled_vent_kg],
+        }
+    }
+
     /// What sensors see now.
     pub fn truth(&self, now: &Snapshot) -> Truth {
         let state = &self.state;
@@ -751,6 +875,10 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
+}
+
+fn levels(state: &State) -> PairLevels {
+    PairLevels { a: state.rcs_level.x, b: state.rcs_level.y }
 }
 
 fn motion(state: &State) -> Motion {

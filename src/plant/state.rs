@@ -72,7 +72,7 @@ state! {
     gimbal_rad: Vec3,
     /// Their rates [rad/s].
     gimbal_rad_s: Vec3,
-    /// Thruster pairs' share of full thrust: x the pair of positive, y of negative moment about FRD z; z stays 0.
+    /// Thruster pairs' share of full thrust: x pair a, y pair b; z stays 0.
     rcs_level: Vec3,
     /// Mass that left through the nozzle [kg].
     expelled_nozzle_kg: f64,

@@ -365,7 +365,7 @@ impl Scenario {
         schedule: Option<Schedule>,
     ) -> Result<Self, Vec<Invalid>> {
         if let Some(model) = file.model.chamber {
-            vehicle.engine.chamber.model = model;
+            vehicle.engine_parameters.chamber.model = model;
         }
         if let Some(inertia) = file.model.gimbal_inertia {
             vehicle.gimbal.engine_inertia = inertia;

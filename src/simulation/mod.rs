@@ -82,7 +82,7 @@ impl Flight {
                     environment: plant.environment(),
                     seed: u64::from(seed),
                     step: STEP,
-                    initial: &plant.truth(),
+                    initial: &plant.truth(&snapshot),
                     gnss_delay_s: scenario.file.sensors.gnss_delay_s.or(instruments.gnss_delay_s),
                 },
             )?)
@@ -93,7 +93,7 @@ impl Flight {
         let stroke_m = scenario.vehicle.landing_gear.stroke_m;
         let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
         Ok(Self {
-            autopilot: Autopilot::new(outfit::autopilot(scenario, instruments)),
+            autopilot: Autopilot::new(outfit::autopilot(scenario, plant.environment(), instruments)),
             referee: Referee::new(target, stroke_m, scenario.file.timeout_s, has_ground),
             scenario: scenario.clone(),
             seed,
@@ -134,7 +134,7 @@ impl Flight {
                 detail: event.detail,
             });
         }
-        let truth = self.plant.truth();
+        let truth = self.plant.truth(&self.snapshot);
         let time = self.plant.time();
         self.measurement = self.sensors.as_mut().and_then(|sensors| sensors.sample(&truth, time));
         let seen = self.referee.watch(

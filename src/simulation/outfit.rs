@@ -13,7 +13,7 @@ use crate::dynamics::mass::{Contents, ContentsRate};
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::noise::sample_std;
-use crate::propulsion::EngineCondition;
+use crate::propulsion::{EngineCondition, FeedMap, Guess};
 use crate::scenario::Scenario;
 use crate::vehicle::Vehicle;
 
@@ -37,8 +37,8 @@ pub fn autopilot(scenario: &Scenario, environment: &Environment, instruments: &I
             thrust_max_n: vehicle.rating.thrust_command_max_n,
             gimbal_limit_rad: vehicle.gimbal.limit_rad,
             gimbal_rate_limit_rad_s: vehicle.gimbal.rate_limit_rad_s,
-            rcs_torque_n_m: vehicle.reaction_control.pair_moment_n_m(),
-            rcs_dead_band: vehicle.reaction_control.parameters.dead_band,
+            rcs_torque_n_m: vehicle.roll_moment_n_m(),
+            rcs_dead_band: vehicle.reaction_control.dead_band,
             throttle_output: ThrottleOutput::Valve,
         },
         gains: Gains::default(),
@@ -108,19 +108,23 @@ fn navigation(
 
 /// Mass properties with this share of the propellants left.
 fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
-    let grain = &vehicle.engine.grain;
+    let grain = &vehicle.engine_parameters.grain;
     let start = grain.port_radius_m;
     // Fuel goes with the square of the radius.
     let radius2 =
         start * start + (1.0 - share) * (grain.outer_radius_m * grain.outer_radius_m - start * start);
     let full_kg = vehicle.initial_nitrous_kg();
     let nitrous_kg = share * full_kg;
-    let pressurant = vehicle.pressurant_state(vehicle.initial_nitrogen_kg(full_kg), nitrous_kg);
+    let pressurant = vehicle.nitrogen(
+        vehicle.initial_nitrogen_kg(full_kg),
+        nitrous_kg,
+        vehicle.site.pressure_pa,
+    );
     let contents = Contents {
         nitrous_kg,
         nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
         port_radius_m: radius2.sqrt(),
-        nitrogen_run_tank_kg: pressurant.run_tank_kg,
+        nitrogen_run_tank_kg: pressurant.tank_kg,
         nitrogen_bottle_kg: pressurant.bottle_kg,
     };
     let mass = vehicle.mass.evaluate(&contents, &ContentsRate::default()).vehicle;
@@ -133,15 +137,15 @@ fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
 }
 
 fn propellant(vehicle: &Vehicle) -> PropellantParameters {
-    let engine = &vehicle.engine;
+    let engine = &vehicle.engine_parameters;
     let servo = &vehicle.valve_servo;
     let fuel_kg_per_m2 =
         engine.grain.fuel_density_kg_m3 * engine.grain.length_m * f64::from(engine.grain.port_count);
     PropellantParameters {
         full: mass_point(vehicle, 1.0),
         empty: mass_point(vehicle, 0.0),
-        oxidizer_kg: (vehicle.initial_nitrous_kg() - vehicle.unusable_nitrous_kg).max(0.0),
-        fuel_kg: engine.grain.fuel_mass_kg(engine.grain.port_radius_m),
+        oxidizer_kg: (vehicle.initial_nitrous_kg() - vehicle.tank.unusable_nitrous_kg).max(0.0),
+        fuel_kg: engine.grain.fuel_kg(engine.grain.port_radius_m),
         port_radius_m: engine.grain.port_radius_m,
         fuel_kg_per_m2,
         delay_s: vehicle.valve_delay_s,
@@ -157,13 +161,13 @@ fn propellant(vehicle: &Vehicle) -> PropellantParameters {
 /// The engine's inverse over thrust and port radius, throat as at the start.
 fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
     let engine = &vehicle.engine;
-    let feed = engine.feed_map(vehicle.tank_pressure_pa, vehicle.tank_temperature_k);
+    let feed = FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let spread = |low: f64, high: f64, nodes: usize| -> Vec<f64> {
         (0..nodes).map(|i| low + (high - low) * i as f64 / (nodes - 1) as f64).collect()
     };
     let rating = &vehicle.rating;
     let thrust_n = spread(0.5 * rating.thrust_command_min_n, rating.thrust_command_max_n, THRUST_NODES);
-    let grain = &engine.grain;
+    let grain = &vehicle.engine_parameters.grain;
     let port_radius_m = spread(grain.port_radius_m, grain.outer_radius_m, RADIUS_NODES);
     let mut map = ThrustMap {
         valve_rad: Vec::with_capacity(RADIUS_NODES),
@@ -175,13 +179,13 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
     for &radius in &map.port_radius_m {
         let condition = EngineCondition {
             port_radius_m: radius,
-            throat_radius_m: 0.5 * engine.nozzle.throat_diameter_m,
+            throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
             burning_fraction: 1.0,
             ambient_pa,
             chamber_gas: None,
             oxidizer_flow_limit_kg_s: f64::INFINITY,
         };
-        let points: Vec<_> = map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition)).collect();
+        let points: Vec<_> = map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();
         map.valve_rad.push(points.iter().map(|p| p.valve_rad).collect());
         map.oxidizer_kg_s.push(points.iter().map(|p| p.point.oxidizer_kg_s).collect());
         map.fuel_kg_s.push(points.iter().map(|p| p.point.fuel_kg_s).collect());

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use hopbench::fluid::Nitrous;
 use hopbench::input::{Fault, InputError};
 use hopbench::propulsion::{EngineCondition, FeedMap, Guess, OperatingPoint};
 use hopbench::vehicle::Vehicle;
@@ -65,7 +66,7 @@ impl Point {
     fn new(vehicle: &Vehicle, valve_rad: f64, point: &OperatingPoint, saturated: bool) -> Self {
         Self {
             valve_deg: valve_rad.to_degrees(),
-            valve_area_m2: vehicle.engine.valve_area_m2(valve_rad),
+            valve_area_m2: vehicle.engine.valve_area().area_m2(valve_rad),
             oxidizer_kg_s: point.oxidizer_kg_s,
             fuel_kg_s: point.fuel_kg_s,
             of_ratio: point.of_ratio,
@@ -98,35 +99,35 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64, InputErr
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;
     let engine = &vehicle.engine;
-    let grain = &engine.grain;
+    let grain = engine.grain();
     let port_mm = args.port_radius_mm.unwrap_or(grain.port_radius_m * 1e3);
-    let throat_mm = args.throat_radius_mm.unwrap_or(engine.nozzle.throat_diameter_m * 0.5e3);
-    let tank_k = args.tank_k.unwrap_or(vehicle.tank_temperature_k);
-    let tank_bar = args.tank_bar.unwrap_or(vehicle.tank_pressure_pa * 1e-5);
-    let exit_mm = engine.exit_radius_m() * 1e3;
-    let (least_k, most_k) = FeedMap::TEMPERATURE_RANGE_K;
+    let throat_mm = args.throat_radius_mm.unwrap_or(engine.nozzle().throat_radius_m() * 1e3);
+    let tank_k = args.tank_k.unwrap_or(vehicle.tank.temperature_k);
+    let tank_bar = args.tank_bar.unwrap_or(vehicle.tank.pressure_pa * 1e-5);
+    let widest_throat_mm = engine.nozzle().greatest_throat_radius_m() * 1e3;
     let condition = EngineCondition {
         port_radius_m: within("--port-radius-mm", port_mm, 1.0, grain.outer_radius_m * 1e3)? * 1e-3,
-        throat_radius_m: within("--throat-radius-mm", throat_mm, 1.0, exit_mm)? * 1e-3,
+        throat_radius_m: within("--throat-radius-mm", throat_mm, 1.0, widest_throat_mm)? * 1e-3,
         burning_fraction: 1.0,
         ambient_pa: vehicle.site.pressure_pa,
         chamber_gas: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     };
-    within("--tank-k", tank_k, least_k, most_k)?;
-    let least_bar = FeedMap::least_pressure_pa(tank_k) * 1e-5;
-    within("--tank-bar", tank_bar, least_bar, FeedMap::GREATEST_PRESSURE_PA * 1e-5)?;
-    let feed = engine.feed_map(tank_bar * 1e5, tank_k);
+    // The range of the tables; liquid stays liquid above its own vapour pressure only.
+    within("--tank-k", tank_k, 240.0, 306.0)?;
+    let least_bar = Nitrous::tables().vapor_pressure_pa(tank_k) * 1e-5;
+    within("--tank-bar", tank_bar, least_bar, 80.0)?;
+    let feed = FeedMap::new(tank_bar * 1e5, tank_k);
     let at_valve = |valve_rad: f64| {
-        let area_m2 = engine.valve_area_m2(valve_rad);
+        let area_m2 = engine.valve_area().area_m2(valve_rad);
         engine.operating_point(&feed, area_m2, &condition, Guess::default())
     };
-    let open_deg = vehicle.valve_open_rad().to_degrees();
+    let open_deg = vehicle.valve_servo.upper_rad.to_degrees();
 
     let points: Vec<Point> = if args.sweep {
         (0..=SWEEP_POINTS)
             .map(|i| {
-                let valve_rad = vehicle.valve_open_rad() * f64::from(i) / f64::from(SWEEP_POINTS);
+                let valve_rad = vehicle.valve_servo.upper_rad * f64::from(i) / f64::from(SWEEP_POINTS);
                 Point::new(&vehicle, valve_rad, &at_valve(valve_rad), false)
             })
             .collect()
@@ -137,7 +138,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         vec![Point::new(&vehicle, valve_rad, &at_valve(valve_rad), asked > open_deg + 1e-6)]
     } else {
         let thrust_n = within("--thrust-n", args.thrust_n.unwrap_or_default(), 0.0, 1e6)?;
-        let inverse = engine.inverse(&feed, thrust_n, &condition);
+        let inverse = engine.inverse(&feed, thrust_n, &condition, Guess::default());
         vec![Point::new(&vehicle, inverse.valve_rad, &inverse.point, inverse.saturated)]
     };
 
