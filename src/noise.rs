@@ -16,7 +16,11 @@ use crate::frame::Vec3;
 
 /// One independent source of random numbers.
 #[derive(Clone, Debug)]
-pub struct Stream(Pcg64);
+pub struct Stream {
+    generator: Pcg64,
+    /// The second deviate of the last pair.
+    spare: Option<f64>,
+}
 
 /// The stream of that name under that seed. Names are dotted paths, such as `imu.gyro`.
 pub fn stream(seed: u64, name: &str) -> Stream {
@@ -27,7 +31,7 @@ pub fn stream(seed: u64, name: &str) -> Stream {
     let mut word = || u128::from(split_mix(&mut hash));
     let state = word() << 64 | word();
     let sequence = word() << 64 | word();
-    Stream(Pcg64::new(state, sequence))
+    Stream { generator: Pcg64::new(state, sequence), spare: None }
 }
 
 /// SplitMix64: advances the state and returns a well-mixed word.
@@ -42,13 +46,19 @@ fn split_mix(state: &mut u64) -> u64 {
 impl Stream {
     /// Uniform on (0, 1], in steps of 2⁻⁵³.
     pub fn uniform(&mut self) -> f64 {
-        ((self.0.next_u64() >> 11) + 1) as f64 * (0.5 / (1_u64 << 52) as f64)
+        ((self.generator.next_u64() >> 11) + 1) as f64 * (0.5 / (1_u64 << 52) as f64)
     }
 
-    /// Standard normal deviate. Always takes two words, so the count of draws never depends on values.
+    /// Standard normal deviate. Deviates come in pairs from two words each, never by rejection, so the
+    /// place in the stream depends on their count alone.
     pub fn normal(&mut self) -> f64 {
+        if let Some(deviate) = self.spare.take() {
+            return deviate;
+        }
         let radius = (-2.0 * libm::log(self.uniform())).sqrt();
-        radius * libm::cos(core::f64::consts::TAU * self.uniform())
+        let (sin, cos) = libm::sincos(core::f64::consts::TAU * self.uniform());
+        self.spare = Some(radius * sin);
+        radius * cos
     }
 
     /// Three independent standard normal deviates.
@@ -130,7 +140,7 @@ mod tests {
     #[test]
     fn a_stream_is_the_same_bits_everywhere() {
         let mut s = stream(42, "imu.gyro");
-        let words = [(); 3].map(|()| s.0.next_u64());
+        let words = [(); 3].map(|()| s.generator.next_u64());
         assert_eq!(words, [16_316_012_584_402_850_657, 7_610_576_943_914_963_249, 2_526_639_976_421_960_673]);
         assert_eq!(stream(42, "imu.gyro").normal(), -0.422_564_248_989_554_36);
     }

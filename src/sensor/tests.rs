@@ -20,15 +20,8 @@ struct VehicleFile {
 fn reference() -> (SensorParameters, Environment) {
     let text = include_str!("../../scenarios/vehicles/reference.toml");
     let VehicleFile { site, mut sensors } = toml::from_str(text).unwrap();
-    for position in [
-        &mut sensors.imu.position_m,
-        &mut sensors.gnss.antenna_position_m,
-        &mut sensors.barometer.position_m,
-        &mut sensors.magnetometer.position_m,
-        &mut sensors.altimeter.position_m,
-        &mut sensors.altimeter.direction,
-    ] {
-        *position = frd_from_structural(Vec3::from(*position)).into();
+    for vector in sensors.vectors_mut() {
+        *vector = frd_from_structural(Vec3::from(*vector)).into();
     }
     (sensors, Environment::new(&site, &WindParameters::default()).unwrap())
 }
@@ -124,6 +117,7 @@ fn the_reference_file_is_valid() {
     parameters.validate().unwrap();
     assert_eq!(environment.terrain, Terrain);
     assert_eq!(parameters.pressure_transducer.len(), 4);
+    assert_eq!(parameters.altimeter.direction, [0.0, 0.0, 1.0], "down, in FRD");
     assert_eq!(parameters.tracking, TrackingParameters::default());
 }
 

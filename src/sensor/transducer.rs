@@ -8,8 +8,8 @@ use crate::noise::{self, ChannelError, Stream};
 use crate::signal::Pressures;
 use crate::time::SimTime;
 
+use super::Schedule;
 use super::truth::Truth;
-use super::{Schedule, period};
 
 /// One pressure transducer: an entry `[[sensors.pressure_transducer]]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -101,7 +101,6 @@ impl Transducer {
         seed: u64,
     ) -> Result<Self, Invalid> {
         let p = parameters;
-        period("rate_hz", p.rate_hz)?;
         let mut stream = noise::stream(seed, p.name.stream_name());
         Ok(Self {
             schedule: Schedule::new(p.rate_hz)?,
