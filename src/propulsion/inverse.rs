@@ -1,0 +1,91 @@
+//! The inverse problem: which valve angle gives a thrust.
+//!
+//! Thrust → oxidiser flow (the thrust rises with it: one bracketed root, where the seed paper sweeps) →
+//! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
+
+use super::{Engine, EngineCondition, FeedMap, Guess, OperatingPoint, Setting};
+use crate::interpolate::{Bracket, bracketed_root};
+
+/// Answer of the inverse problem.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inverse {
+    /// Angle of the valve [rad].
+    pub valve_rad: f64,
+    /// Open area at that angle [m²].
+    pub valve_area_m2: f64,
+    /// What the engine does there, quasi-steady.
+    pub point: OperatingPoint,
+    /// Whether the demand lay outside what flow limits and the fully open valve allow.
+    pub saturated: bool,
+}
+
+/// Accuracy of the oxidiser flow [kg/s]: 2.5e-6 N.
+const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
+
+impl Engine {
+    /// Valve angle for a steady thrust. The chamber's gas, if it is a state, is not looked at: the answer is
+    /// for the steady engine.
+    pub fn inverse(&self, feed: &FeedMap, thrust_n: f64, condition: &EngineCondition, guess: Guess) -> Inverse {
+        let steady = EngineCondition { chamber_gas: None, ..*condition };
+        let setting = self.setting(&steady);
+        let (least_kg_s, most_kg_s) = self.demand_kg_s;
+        let mut log = guess.log_chamber_pressure;
+        let excess_n = |oxidizer_kg_s: f64| {
+            let hot = setting.burning(oxidizer_kg_s, log);
+            log = hot.pressure.log;
+            setting.thrust(oxidizer_kg_s, &hot).0 - thrust_n
+        };
+        let bracket = Bracket {
+            low: least_kg_s,
+            high: most_kg_s,
+            // Near 2.4 kN per kg/s over most of the range.
+            guess: thrust_n / 2400.0,
+            slope: Some(2500.0),
+            tolerance: FLOW_TOLERANCE_KG_S,
+        };
+        let root = bracketed_root(bracket, excess_n);
+        let beyond = !matches!(root.status, crate::interpolate::RootStatus::Solved);
+        let (_, open_m2) = self.valve_area.fully_open();
+        let (area_m2, inlet_guess) = match setting.inlet_of_flow(feed, root.x, guess, &mut log) {
+            Some((area_m2, inlet_pa)) => (area_m2, Guess { injector_inlet_pa: inlet_pa, ..guess }),
+            None => (f64::INFINITY, guess),
+        };
+        let saturated = beyond || area_m2 > open_m2;
+        let valve_rad = self.valve_area.angle_rad(area_m2.min(open_m2));
+        let valve_area_m2 = self.valve_area.area_m2(valve_rad);
+        let start = Guess { log_chamber_pressure: log, ..inlet_guess };
+        let point = self.operating_point(feed, valve_area_m2, &steady, start);
+        Inverse { valve_rad, valve_area_m2, point, saturated }
+    }
+}
+
+impl Setting<'_> {
+    /// Valve area [m²] and P2 [Pa] that pass a flow; `None` when the injector cannot at the tank's pressure.
+    fn inlet_of_flow(
+        &self,
+        feed: &FeedMap,
+        oxidizer_kg_s: f64,
+        guess: Guess,
+        log: &mut f64,
+    ) -> Option<(f64, f64)> {
+        let tank_pa = feed.tank().pressure_pa;
+        let chamber_pa = self.chamber_pa(oxidizer_kg_s, log);
+        let injector_m2 = self.engine.injector_area_m2;
+        let excess_kg_s = |inlet_pa: f64| {
+            injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - oxidizer_kg_s
+        };
+        if chamber_pa >= tank_pa || excess_kg_s(tank_pa) <= 0.0 {
+            return None;
+        }
+        let bracket = Bracket {
+            low: chamber_pa,
+            high: tank_pa,
+            guess: guess.injector_inlet_pa,
+            slope: Some(guess.slope_kg_s_pa),
+            tolerance: super::INLET_TOLERANCE * tank_pa,
+        };
+        let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
+        let flux = feed.inlet(inlet_pa).valve_flux_kg_m2_s;
+        (flux > 0.0).then(|| (oxidizer_kg_s / (self.engine.valve_discharge_coefficient * flux), inlet_pa))
+    }
+}

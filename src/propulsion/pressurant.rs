@@ -1,0 +1,221 @@
+//! Nitrogen: bottle, regulator, and the pressure of the run tank.
+//!
+//! One mass of nitrogen, in the bottle and above the liquid; it falls only by what the thrusters and the
+//! vent use (the seed paper's Eqs 12 and 13). Real-gas density, both at constant temperature. While the
+//! bottle holds the regulator's minimum drop above the set point the tank is at the set point; then
+//! it blows down, always that drop below the bottle. Pure nitrogen above the liquid: with nitrous vapour
+//! mixed in, less would be drawn.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::fluid::Nitrogen;
+use crate::interpolate::{Bracket, bracketed_root};
+
+/// Bottle and regulator: the `[pressurant]` table.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pressurant {
+    /// The bottle.
+    pub bottle: Bottle,
+    /// The regulator.
+    pub regulator: Regulator,
+}
+
+/// Nitrogen bottle: the `[pressurant.bottle]` table.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Bottle {
+    /// Inner volume [m³].
+    #[schemars(range(min = 1e-4, max = 1.0))]
+    pub volume_m3: f64,
+    /// Radius of the gas as a cylinder [m].
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub radius_m: f64,
+    /// Height of its centre above the gimbal pivot [m].
+    #[schemars(range(min = -10.0, max = 10.0))]
+    pub centre_z_m: f64,
+    /// Pressure at the start [Pa].
+    #[schemars(range(min = 1e5, max = 350e5))]
+    pub pressure_pa: f64,
+    /// Temperature at the start [K].
+    #[schemars(range(min = 200.0, max = 330.0))]
+    pub temperature_k: f64,
+    /// How the gas takes its expansion.
+    pub model: BottleModel,
+    /// Conductance from gas to wall [W/K]; `energy_balance` only.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub wall_conductance_w_k: f64,
+    /// Heat capacity of the wall [J/K]; `energy_balance` only.
+    #[schemars(range(min = 1.0, max = 1e6))]
+    pub wall_heat_capacity_j_k: f64,
+}
+
+/// How the bottle's gas takes its expansion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BottleModel {
+    /// Constant temperature.
+    Isothermal,
+    /// Adiabatic gas with heat from the wall.
+    EnergyBalance,
+}
+
+/// Pressure regulator: the `[pressurant.regulator]` table.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Regulator {
+    /// Outlet pressure [Pa].
+    #[schemars(range(min = 2e5, max = 80e5))]
+    pub set_pressure_pa: f64,
+    /// Fall of the outlet per flow of nitrogen [Pa s/kg].
+    #[schemars(range(min = 0.0, max = 1e8))]
+    pub droop_pa_s_kg: f64,
+    /// Rise of the outlet without flow [Pa].
+    #[schemars(range(min = 0.0, max = 10e5))]
+    pub lockup_pa: f64,
+    /// What the bottle must have above the outlet for the regulator to work [Pa].
+    #[schemars(range(min = 0.0, max = 100e5))]
+    pub minimum_drop_pa: f64,
+}
+
+impl Regulator {
+    /// Outlet pressure [Pa] at a flow of nitrogen into the tank.
+    pub fn outlet_pa(&self, nitrogen_kg_s: f64) -> f64 {
+        if nitrogen_kg_s > 0.0 {
+            (self.set_pressure_pa - self.droop_pa_s_kg * nitrogen_kg_s).max(0.0)
+        } else {
+            self.set_pressure_pa + self.lockup_pa
+        }
+    }
+}
+
+/// What the nitrogen's distribution depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct NitrogenInventory {
+    /// All nitrogen, bottle and tank [kg].
+    pub total_kg: f64,
+    /// Volume above the liquid in the run tank [m³].
+    pub ullage_m3: f64,
+    /// Temperature of the gas above the liquid [K].
+    pub ullage_k: f64,
+    /// Flow of nitrogen into the tank, of the last step [kg/s].
+    pub flow_kg_s: f64,
+    /// Ambient pressure, below which the tank does not fall [Pa].
+    pub ambient_pa: f64,
+}
+
+/// Where the nitrogen is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NitrogenState {
+    /// Pressure of the run tank [Pa].
+    pub tank_pa: f64,
+    /// Pressure of the bottle [Pa].
+    pub bottle_pa: f64,
+    /// Nitrogen above the liquid [kg].
+    pub tank_kg: f64,
+    /// Nitrogen in the bottle [kg].
+    pub bottle_kg: f64,
+    /// Whether the regulator holds its outlet.
+    pub regulated: bool,
+}
+
+impl Pressurant {
+    /// Nitrogen in a bottle as the file fills it [kg].
+    pub fn initial_bottle_kg(&self) -> f64 {
+        let bottle = &self.bottle;
+        bottle.volume_m3 * Nitrogen::tables().density_kg_m3(bottle.pressure_pa, bottle.temperature_k)
+    }
+
+    /// Distributes the nitrogen between bottle and tank.
+    pub fn distribute(&self, inventory: &NitrogenInventory) -> NitrogenState {
+        let n2 = Nitrogen::tables();
+        let NitrogenInventory { total_kg, ullage_m3, ullage_k, flow_kg_s, ambient_pa } = *inventory;
+        let (bottle_m3, bottle_k) = (self.bottle.volume_m3, self.bottle.temperature_k);
+        let drop_pa = self.regulator.minimum_drop_pa;
+        let total_kg = total_kg.max(0.0);
+        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * n2.density_kg_m3(tank_pa, ullage_k);
+
+        let outlet_pa = self.regulator.outlet_pa(flow_kg_s);
+        let tank_kg = in_tank_kg(outlet_pa);
+        let bottle_kg = total_kg - tank_kg;
+        if bottle_kg > 0.0 {
+            let bottle_pa = n2.pressure_pa(bottle_kg / bottle_m3, bottle_k);
+            if bottle_pa >= outlet_pa + drop_pa {
+                return NitrogenState { tank_pa: outlet_pa, bottle_pa, tank_kg, bottle_kg, regulated: true };
+            }
+        }
+        // Blow-down: the tank pressure at which both volumes hold the whole mass.
+        let excess_kg = |tank_pa: f64| {
+            in_tank_kg(tank_pa) + bottle_m3 * n2.density_kg_m3(tank_pa + drop_pa, bottle_k) - total_kg
+        };
+        let low = ambient_pa.min(outlet_pa);
+        let tank_pa = if excess_kg(low) >= 0.0 {
+            low
+        } else {
+            let bracket = Bracket { low, high: outlet_pa, guess: f64::NAN, slope: None, tolerance: 1e-3 };
+            bracketed_root(bracket, excess_kg).x
+        };
+        let tank_kg = in_tank_kg(tank_pa).min(total_kg);
+        let bottle_kg = total_kg - tank_kg;
+        let bottle_pa = n2.pressure_pa(bottle_kg / bottle_m3, bottle_k);
+        NitrogenState { tank_pa, bottle_pa, tank_kg, bottle_kg, regulated: false }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reference() -> Pressurant {
+        Pressurant {
+            bottle: Bottle {
+                volume_m3: 9e-3,
+                radius_m: 0.09,
+                centre_z_m: 1.08,
+                pressure_pa: 300e5,
+                temperature_k: 290.0,
+                model: BottleModel::Isothermal,
+                wall_conductance_w_k: 6.0,
+                wall_heat_capacity_j_k: 4700.0,
+            },
+            regulator: Regulator {
+                set_pressure_pa: 65e5,
+                droop_pa_s_kg: 0.0,
+                lockup_pa: 0.0,
+                minimum_drop_pa: 15e5,
+            },
+        }
+    }
+
+    fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
+        let inventory =
+            NitrogenInventory { total_kg, ullage_m3, ullage_k: 290.0, flow_kg_s: 0.01, ambient_pa: 101_325.0 };
+        reference().distribute(&inventory)
+    }
+
+    #[test]
+    fn the_hop_ends_with_the_bottle_pressure_of_the_vehicle_page() {
+        let tank_m3 = core::f64::consts::PI * 0.095 * 0.095 * 0.67;
+        let start_kg = reference().initial_bottle_kg() + 0.15 * tank_m3 * 76.049_069_4;
+        assert!((start_kg - 2.972).abs() < 6e-4, "{start_kg}");
+        let end = with(start_kg, tank_m3 - 2.89 / 834.318);
+        assert!((end.tank_kg - 1.181).abs() < 1e-3 && (end.bottle_pa * 1e-5 - 177.0).abs() < 0.5, "{end:?}");
+    }
+
+    #[test]
+    fn mass_is_kept_and_pressures_fall_without_a_step_as_nitrogen_is_used() {
+        let mut before: Option<NitrogenState> = None;
+        for i in 0..=3000 {
+            let total = 3.0 - 0.001 * f64::from(i);
+            let now = with(total, 0.012);
+            assert!((now.tank_kg + now.bottle_kg - total).abs() < 1e-12);
+            if let Some(before) = before {
+                assert!(now.tank_pa <= before.tank_pa + 1e-2 && now.bottle_pa <= before.bottle_pa + 1e-2, "{now:?}");
+                // 1 g in 21 litres at most is 0.05 bar, in 9 litres of bottle 0.2 bar at 300 bar.
+                assert!(before.tank_pa - now.tank_pa < 0.1e5 && before.bottle_pa - now.bottle_pa < 0.3e5);
+            }
+            before = Some(now);
+        }
+    }
+}
