@@ -63,6 +63,7 @@ pub struct Plant {
     held: Held,
     sequence: Sequence,
     events: Vec<PlantEvent>,
+    snapshot: Snapshot,
 }
 
 /// What a scenario idealises.
@@ -251,9 +252,11 @@ impl Plant {
             },
             sequence: Sequence::new(scenario.file.sequence.source, vehicle.hold_down.release_time_s),
             events: Vec::new(),
+            snapshot: Snapshot::default(),
             vehicle,
         };
-        let weight_n = plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
+        let weight_n =
+            plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
         if options.ground {
             plant.stand()?;
@@ -261,6 +264,7 @@ impl Plant {
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
             plant.run_steady(schedule.at(SimTime::ZERO));
         }
+        plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
         Ok(plant)
     }
 
@@ -670,6 +674,7 @@ impl Plant {
     /// Discrete events after a step.
     fn settle(&mut self) {
         let now = self.evaluate(&self.state, 0.0);
+        self.snapshot = self.snapshot_of(&now);
         self.held.guess = now.engine.guess;
 
         // What integration may leave a rounding below zero.
@@ -791,10 +796,9 @@ impl Plant {
         self.events.drain(..)
     }
 
-    /// The vehicle as it is now.
-    pub fn snapshot(&self) -> Snapshot {
-        let now = self.evaluate(&self.state, 0.0);
-        self.snapshot_of(&now)
+    /// The vehicle at the end of the last step.
+    pub fn snapshot(&self) -> &Snapshot {
+        &self.snapshot
     }
 
     fn snapshot_of(&self, now: &Evaluation) -> Snapshot {
@@ -859,8 +863,8 @@ impl Plant {
     }
 
     /// What sensors see now.
-    pub fn truth(&self, now: &Snapshot) -> Truth {
-        let state = &self.state;
+    pub fn truth(&self) -> Truth {
+        let (state, now) = (&self.state, &self.snapshot);
         Truth {
             position_ned_m: state.position_ned_m,
             velocity_ned_m_s: state.velocity_ned_m_s,

@@ -6,7 +6,7 @@ use crate::frame::{Mat3, Vec3, tilt_rad};
 use crate::time::SimTime;
 
 /// Everything worth knowing of the vehicle at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Snapshot {
     /// Run time.
     pub time: SimTime,

@@ -70,7 +70,7 @@ impl Flight {
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
         let plant = Plant::new(scenario)?;
-        let snapshot = plant.snapshot();
+        let snapshot = *plant.snapshot();
         let mut parameters = scenario.vehicle.sensors.clone();
         if let Some(rate_hz) = instruments.imu_rate_hz {
             parameters.imu.rate_hz = rate_hz;
@@ -82,7 +82,7 @@ impl Flight {
                     environment: plant.environment(),
                     seed: u64::from(seed),
                     step: STEP,
-                    initial: &plant.truth(&snapshot),
+                    initial: &plant.truth(),
                     gnss_delay_s: scenario.file.sensors.gnss_delay_s.or(instruments.gnss_delay_s),
                 },
             )?)
@@ -126,7 +126,7 @@ impl Flight {
         self.armed = command.armed;
         self.plant.step(command);
         self.steps += 1;
-        self.snapshot = self.plant.snapshot();
+        self.snapshot = *self.plant.snapshot();
         for event in self.plant.take_events() {
             self.events.push(Event {
                 time_s: event.time.s(),
@@ -134,7 +134,7 @@ impl Flight {
                 detail: event.detail,
             });
         }
-        let truth = self.plant.truth(&self.snapshot);
+        let truth = self.plant.truth();
         let time = self.plant.time();
         self.measurement = self.sensors.as_mut().and_then(|sensors| sensors.sample(&truth, time));
         let seen = self.referee.watch(

@@ -9,6 +9,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use hopbench::input::{Fault, InputError};
 use hopbench::plant::Snapshot;
+use hdrhistogram::Histogram;
+use hopbench::simulation::report::Percentiles;
 use hopbench::simulation::{self, Report};
 
 use super::{Common, DONE, UNEXPECTED, print_json};
@@ -51,8 +53,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut table = args.csv.as_deref().map(|path| Table::create(path, args.csv_rate)).transpose()?;
 
     let start = Instant::now();
+    let mut cost = StepCost::default();
     let mut written = Ok(());
     let flight = simulation::fly(&scenario, seed, |now| {
+        cost.step();
         if let (Some(table), Ok(())) = (&mut table, &written) {
             written = table.row(now);
         }
@@ -67,6 +71,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut report = flight.report(false);
     report.timing.wall_s = wall_s;
     report.timing.realtime_factor = report.timing.simulated_s / wall_s;
+    report.timing.step_us = cost.percentiles();
     report.overrides = common.set.clone();
     if let Some(folder) = &common.out {
         write_run(folder, &mut report)?;
@@ -77,6 +82,40 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         print!("{}", summary(&report));
     }
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
+}
+
+/// Wall time from one step to the next: plant, sensors and controller.
+struct StepCost {
+    last: Option<Instant>,
+    histogram: Histogram<u64>,
+}
+
+impl Default for StepCost {
+    fn default() -> Self {
+        Self {
+            last: None,
+            // Three significant digits; grows as needed.
+            histogram: Histogram::new(3).expect("three digits are allowed"),
+        }
+    }
+}
+
+impl StepCost {
+    fn step(&mut self) {
+        let now = Instant::now();
+        if let Some(last) = self.last.replace(now) {
+            self.histogram.saturating_record((now - last).as_nanos() as u64);
+        }
+    }
+
+    fn percentiles(&self) -> Option<Percentiles> {
+        let us = |ns: u64| ns as f64 * 1e-3;
+        (!self.histogram.is_empty()).then(|| Percentiles {
+            p50: us(self.histogram.value_at_quantile(0.5)),
+            p99: us(self.histogram.value_at_quantile(0.99)),
+            max: us(self.histogram.max()),
+        })
+    }
 }
 
 /// The state of a flight as a CSV table.
