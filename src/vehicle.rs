@@ -206,7 +206,9 @@ impl Vehicle {
         let texts = EngineTexts { map, valve_area };
         let engine = Engine::new(&file.engine, &file.feed, &file.paper_mode, texts).map_err(|e| match e {
             EngineError::Map(e) => VehicleError::Table { table: Table::Map, message: e.to_string() },
-            EngineError::ValveArea(e) => VehicleError::Table { table: Table::ValveArea, message: e.to_string() },
+            EngineError::ValveArea(e) => {
+                VehicleError::Table { table: Table::ValveArea, message: e.to_string() }
+            }
             EngineError::Parameter(e) => VehicleError::Invalid(e),
         })?;
         let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
@@ -343,7 +345,8 @@ impl Vehicle {
     /// The nearest angle that the valve's encoder can resolve [rad].
     pub fn encoded(&self, valve_rad: f64) -> f64 {
         if self.valve_encoder_rad > 0.0 {
-            ((valve_rad / self.valve_encoder_rad).round() * self.valve_encoder_rad).min(self.valve_servo.upper_rad)
+            ((valve_rad / self.valve_encoder_rad).round() * self.valve_encoder_rad)
+                .min(self.valve_servo.upper_rad)
         } else {
             valve_rad
         }

@@ -92,7 +92,11 @@ fn a_module_imports_only_from_above_itself() {
             for import in imports(&path) {
                 let Some(target) = floors.iter().position(|m| *m == import) else { continue };
                 checked += 1;
-                assert!(target <= floor, "{}: {module} imports {import}, which stands below it", path.display());
+                assert!(
+                    target <= floor,
+                    "{}: {module} imports {import}, which stands below it",
+                    path.display()
+                );
             }
         }
     }

@@ -75,7 +75,10 @@ fn off_is_off() {
     for burning_fraction in [0.0, 0.4, 1.0] {
         let condition = EngineCondition { burning_fraction, ..condition(35.0, 10.0) };
         let point = at_angle(&engine, &feed, 0.0, &condition);
-        assert_eq!((point.thrust_n, point.chamber_pa, point.injector_inlet_pa), (0.0, AMBIENT_PA, AMBIENT_PA));
+        assert_eq!(
+            (point.thrust_n, point.chamber_pa, point.injector_inlet_pa),
+            (0.0, AMBIENT_PA, AMBIENT_PA)
+        );
         assert_eq!((point.oxidizer_kg_s, point.fuel_kg_s, point.nozzle_kg_s), (0.0, 0.0, 0.0));
         assert_eq!(point.nozzle_flow, NozzleFlow::Off);
     }
@@ -106,8 +109,15 @@ fn unlit_flow_gives_the_cold_thrust_and_burning_joins_both_ends() {
 #[test]
 fn the_feed_map_interpolates_to_a_millionth() {
     let mut worst = 0.0f64;
-    for (tank_pa, tank_k) in [(65e5, 290.0), (65e5, 283.0), (65e5, 298.0), (55e5, 290.0), (48e5, 290.0), (40e5, 290.0), (12e5, 290.0)]
-    {
+    for (tank_pa, tank_k) in [
+        (65e5, 290.0),
+        (65e5, 283.0),
+        (65e5, 298.0),
+        (55e5, 290.0),
+        (48e5, 290.0),
+        (40e5, 290.0),
+        (12e5, 290.0),
+    ] {
         let feed = FeedMap::new(tank_pa, tank_k);
         let tank_pa = feed.tank().pressure_pa;
         for i in 1..2000 {

@@ -60,7 +60,11 @@ pub fn bracketed_root(bracket: Bracket, mut f: impl FnMut(f64) -> f64) -> Root {
         if y.is_nan() {
             return Root { x, slope, status: RootStatus::Invalid };
         }
-        if y < 0.0 { low = x } else { high = x }
+        if y < 0.0 {
+            low = x
+        } else {
+            high = x
+        }
         if let Some((x0, y0)) = previous {
             let secant = (y - y0) / (x - x0);
             // A secant through round-off says nothing.

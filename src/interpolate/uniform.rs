@@ -23,9 +23,7 @@ impl<const N: usize> UniformCubic<N> {
     /// Through `rows[i]` at `start + i * step`. At least five rows, step not zero: programmer's duty.
     pub fn new(start: f64, step: f64, rows: &[[f64; N]]) -> Self {
         let mut table = Self::with_nodes(rows.len());
-        table.refit(start, start + step * (table.nodes.len() - 1) as f64, |i, _| {
-            rows[i.min(rows.len() - 1)]
-        });
+        table.refit(start, start + step * (table.nodes.len() - 1) as f64, |i, _| rows[i.min(rows.len() - 1)]);
         table
     }
 
@@ -138,7 +136,8 @@ impl<const N: usize> UniformGrid<N> {
     pub fn new(slow: (f64, f64), fast: (f64, f64), fast_count: usize, rows: &[[f64; N]]) -> Self {
         let slow = Axis::spanning(slow, rows.len() / fast_count);
         let fast = Axis::spanning(fast, fast_count);
-        let mut nodes: Vec<GridNode<N>> = rows.iter().map(|row| [*row, [0.0; N], [0.0; N], [0.0; N]]).collect();
+        let mut nodes: Vec<GridNode<N>> =
+            rows.iter().map(|row| [*row, [0.0; N], [0.0; N], [0.0; N]]).collect();
         let index = |i: usize, j: usize| i * fast.count + j;
         // Slopes of the values along both axes, then the slow slope of the fast slope.
         for (from, to, along_fast) in [(0, 1, false), (0, 2, true), (2, 3, false)] {
@@ -243,7 +242,10 @@ mod tests {
         let worst = |n: usize| {
             let mut table = UniformCubic::<1>::with_nodes(n);
             table.refit(0.0, 3.0, |_, x| [libm::exp(x)]);
-            (0..1000).map(|i| 0.003 * i as f64).map(|x| (table.at(x)[0] - libm::exp(x)).abs()).fold(0.0, f64::max)
+            (0..1000)
+                .map(|i| 0.003 * i as f64)
+                .map(|x| (table.at(x)[0] - libm::exp(x)).abs())
+                .fold(0.0, f64::max)
         };
         let ratio = worst(33) / worst(65);
         assert!((13.0..22.0).contains(&ratio), "{ratio}");

@@ -27,8 +27,8 @@ use crate::frame::{self, Vec3, quaternion_rate, structural_from_frd};
 use crate::input::Invalid;
 use crate::integrator::rk4_step;
 use crate::propulsion::{
-    BelowMinimum, ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, FlameConditions, Guess, Modulator,
-    NitrogenState, OperatingPoint, Pair, PairLevels,
+    BelowMinimum, ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, FlameConditions,
+    Guess, Modulator, NitrogenState, OperatingPoint, Pair, PairLevels,
 };
 use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
 use crate::sensor::Truth;
@@ -46,6 +46,13 @@ const ENGINE_CONTROL: SimTime = SimTime::from_us(4_000);
 
 /// The feed's tables are rebuilt when the tank pressure has moved by so much [Pa]: 1e-4 of flow.
 const FEED_TOLERANCE_PA: f64 = 1_000.0;
+
+/// A valve that is told to shut and is nearer than this is shut [rad, rad/s]: 2e-9 m2 of open area.
+const SEATED_RAD: f64 = 1e-3;
+const SEATED_RAD_S: f64 = 0.1;
+
+/// Fuel that stays on the wall as slivers when the grain burns through, over what the tail consumes.
+const SLIVERS: f64 = 0.1;
 
 /// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
 const OUTFLOWS: usize = 2 + 16;
@@ -182,7 +189,10 @@ impl Plant {
         if nitrous_kg > vehicle.tank_capacity_kg() {
             return Err(Invalid::new(
                 "initial.nitrous_kg",
-                format!("{nitrous_kg} is out of range; the tank holds 0 to {:.3}", vehicle.tank_capacity_kg()),
+                format!(
+                    "{nitrous_kg} is out of range; the tank holds 0 to {:.3}",
+                    vehicle.tank_capacity_kg()
+                ),
             ));
         }
         let port_radius_m = start.port_radius_m.unwrap_or(vehicle.engine_parameters.grain.port_radius_m);
@@ -226,7 +236,11 @@ impl Plant {
                 valve_command_rad: 0.0,
                 gimbal_command_rad: Vector2::zeros(),
                 valve_delay: DelayLine::for_interval(SimTime::from_s(vehicle.valve_delay_s), 0.0, STEP),
-                gimbal_delay: DelayLine::for_interval(SimTime::from_s(vehicle.gimbal.delay_s), [0.0; 2], STEP),
+                gimbal_delay: DelayLine::for_interval(
+                    SimTime::from_s(vehicle.gimbal.delay_s),
+                    [0.0; 2],
+                    STEP,
+                ),
                 valve_play_rad: 0.0,
                 gimbal_play_rad: Vector2::zeros(),
                 isolation: if running { 1.0 } else { 0.0 },
@@ -278,7 +292,8 @@ impl Plant {
         self.state.rate_body_rad_s = Vec3::zeros();
         let motion = motion(&self.state);
         let gear = &self.vehicle.landing_gear;
-        self.held.anchors = gear.anchors_after(&self.pads_body_m, &motion, 0.0, &Anchors::default(), Grip::Free);
+        self.held.anchors =
+            gear.anchors_after(&self.pads_body_m, &motion, 0.0, &Anchors::default(), Grip::Free);
         Ok(())
     }
 
@@ -303,7 +318,10 @@ impl Plant {
         let mut gas = at_rest;
         let rate = |gas: ChamberGas| {
             let condition = EngineCondition { chamber_gas: Some(gas), ..self.condition(&self.state) };
-            self.vehicle.engine.operating_point(&self.held.feed, area_m2, &condition, self.held.guess).chamber_gas_rate
+            self.vehicle
+                .engine
+                .operating_point(&self.held.feed, area_m2, &condition, self.held.guess)
+                .chamber_gas_rate
         };
         let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {
             oxidizer_kg: gas.oxidizer_kg + rate.oxidizer_kg_s * dt_s,
@@ -381,7 +399,11 @@ impl Plant {
     }
 
     fn shutdown_fraction(&self) -> f64 {
-        if self.options.open_loop { f64::MIN_POSITIVE } else { self.vehicle.engine_parameters.ignition.shutdown_fraction }
+        if self.options.open_loop {
+            f64::MIN_POSITIVE
+        } else {
+            self.vehicle.engine_parameters.ignition.shutdown_fraction
+        }
     }
 
     /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own
@@ -401,7 +423,8 @@ impl Plant {
         // The demand is for the burning engine, whatever the flame is doing now.
         let condition =
             EngineCondition { burning_fraction: 1.0, chamber_gas: None, ..self.condition(&self.state) };
-        let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold && !self.options.open_loop;
+        let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold
+            && !self.options.open_loop;
         let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };
         let feed = &self.held.feed;
         let (valve_rad, thrust_n, saturated) = match throttle {
@@ -410,8 +433,11 @@ impl Plant {
                 (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
             }
             Throttle::ValveRad(valve_rad) => {
-                let least_rad =
-                    if hold { engine.inverse(feed, least_n, &condition, self.held.guess).valve_rad } else { 0.0 };
+                let least_rad = if hold {
+                    engine.inverse(feed, least_n, &condition, self.held.guess).valve_rad
+                } else {
+                    0.0
+                };
                 let valve_rad = valve_rad.max(least_rad).min(self.vehicle.valve_servo.upper_rad);
                 let area_m2 = engine.valve_area().area_m2(valve_rad);
                 let point = engine.operating_point(feed, area_m2, &condition, self.held.guess);
@@ -529,10 +555,8 @@ impl Plant {
             vehicle.nitrous_density_kg_m3,
             axial_m_s2,
         );
-        let slosh_state = SloshState {
-            displacement_body_m: state.slosh_m.xy(),
-            velocity_body_m_s: state.slosh_m_s.xy(),
-        };
+        let slosh_state =
+            SloshState { displacement_body_m: state.slosh_m.xy(), velocity_body_m_s: state.slosh_m_s.xy() };
         let balance = Balance {
             vehicle: &mass.vehicle,
             flow: &flow,
@@ -624,7 +648,8 @@ impl Plant {
         // All thrusters are alike, so each has its share of the flow by its level.
         let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
         let per_level_kg_s = if sum > 0.0 { thrusters_kg_s / sum } else { 0.0 };
-        let mut outflows = [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
+        let mut outflows =
+            [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
         outflows[1] = Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s };
         for (outflow, thruster) in outflows[2..].iter_mut().zip(&rcs.thruster) {
             *outflow = Outflow {
@@ -682,6 +707,15 @@ impl Plant {
         self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
         self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
 
+        // A ball that is told to shut seats; a servo alone would only ever come near.
+        if self.held.valve_command_rad == 0.0
+            && self.state.valve_rad.abs() < SEATED_RAD
+            && self.state.valve_rad_s.abs() < SEATED_RAD_S
+        {
+            self.state.valve_rad = 0.0;
+            self.state.valve_rad_s = 0.0;
+        }
+
         // Play.
         let state = &self.state;
         let at = |angle_rad: f64| ServoState { angle_rad, rate_rad_s: 0.0 };
@@ -723,8 +757,8 @@ impl Plant {
     /// Lights, goes out, or dies for want of fuel.
     fn settle_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        // What is left burns away within the tail.
-        let fuel_left = self.fuel_kg(&self.state) > tail_s * now.engine.fuel_kg_s;
+        // What is left burns away within the tail, but for slivers.
+        let fuel_left = self.fuel_kg(&self.state) > (1.0 + SLIVERS) * tail_s * now.engine.fuel_kg_s;
         let flame = self.vehicle.engine_parameters.ignition.advance(
             &self.held.flame,
             &FlameConditions {

@@ -77,7 +77,10 @@ pub fn table(vehicle: &Vehicle) -> Result<Vec<Row>, Invalid> {
             let agrees = match axis {
                 None => motion.z < 0.0,
                 // The right axis, the right way, and by far the most.
-                Some(axis) => turn[axis] > 0.0 && turn[axis] > 5.0 * (turn.norm_squared() - turn[axis] * turn[axis]).max(0.0).sqrt(),
+                Some(axis) => {
+                    turn[axis] > 0.0
+                        && turn[axis] > 5.0 * (turn.norm_squared() - turn[axis] * turn[axis]).max(0.0).sqrt()
+                }
             };
             Ok(Row {
                 command,

@@ -151,10 +151,6 @@ impl State {
             self.expelled_vent_kg,
         ];
         let q = self.q_ned_from_body.coords;
-        vectors
-            .into_iter()
-            .flat_map(|v| [v.x, v.y, v.z])
-            .chain([q.w, q.x, q.y, q.z])
-            .chain(scalars)
+        vectors.into_iter().flat_map(|v| [v.x, v.y, v.z]).chain([q.w, q.x, q.y, q.z]).chain(scalars)
     }
 }

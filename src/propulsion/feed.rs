@@ -268,8 +268,13 @@ impl FeedMap {
         let peak_moves_pa = self.first_true(self.flash_pa, tank.pressure_pa, |map, pa| {
             map.injector_critical(n2o, pa, false).onset >= 1.0
         });
-        let kinks =
-            [valve.pressure_pa, valve.saturation_pa, choking_enters_pa, peak_moves_pa, tank.vapor_pressure_pa];
+        let kinks = [
+            valve.pressure_pa,
+            valve.saturation_pa,
+            choking_enters_pa,
+            peak_moves_pa,
+            tank.vapor_pressure_pa,
+        ];
         self.flashing_count = self.fill(n2o, (floor_pa, self.flash_pa), kinks, true);
         self.liquid_count = self.fill(n2o, (self.flash_pa, tank.pressure_pa), kinks, false);
     }
@@ -303,11 +308,8 @@ impl FeedMap {
     #[inline]
     pub fn inlet(&self, inlet_pa: f64) -> Inlet {
         let flashing = inlet_pa < self.flash_pa || self.liquid_count == 0;
-        let (pieces, count) = if flashing {
-            (&self.flashing, self.flashing_count)
-        } else {
-            (&self.liquid, self.liquid_count)
-        };
+        let (pieces, count) =
+            if flashing { (&self.flashing, self.flashing_count) } else { (&self.liquid, self.liquid_count) };
         let mut piece = 0;
         while piece + 1 < count && inlet_pa > pieces[piece].top_pa {
             piece += 1;

@@ -117,8 +117,7 @@ impl Ignition {
         let igniter_burns = self.igniter_burns(&next, now.time);
         if flame.lit {
             let low = now.chamber_pa < self.extinction_pressure_pa && !igniter_burns;
-            next.low_pressure_since =
-                if low { flame.low_pressure_since.or(Some(now.time)) } else { None };
+            next.low_pressure_since = if low { flame.low_pressure_since.or(Some(now.time)) } else { None };
             let starved = next
                 .low_pressure_since
                 .is_some_and(|since| now.time.since(since) >= SimTime::from_s(self.extinction_time_s));
@@ -165,7 +164,13 @@ pub(super) mod tests {
     }
 
     fn seen(ms: u64, igniter: bool, oxidizer_kg_s: f64, chamber_pa: f64) -> FlameConditions {
-        FlameConditions { time: SimTime::from_us(1000 * ms), igniter, oxidizer_kg_s, chamber_pa, fuel_left: true }
+        FlameConditions {
+            time: SimTime::from_us(1000 * ms),
+            igniter,
+            oxidizer_kg_s,
+            chamber_pa,
+            fuel_left: true,
+        }
     }
 
     #[test]

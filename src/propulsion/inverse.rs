@@ -25,7 +25,13 @@ const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 impl Engine {
     /// Valve angle for a steady thrust. The chamber's gas, if it is a state, is not looked at: the answer is
     /// for the steady engine.
-    pub fn inverse(&self, feed: &FeedMap, thrust_n: f64, condition: &EngineCondition, guess: Guess) -> Inverse {
+    pub fn inverse(
+        &self,
+        feed: &FeedMap,
+        thrust_n: f64,
+        condition: &EngineCondition,
+        guess: Guess,
+    ) -> Inverse {
         let steady = EngineCondition { chamber_gas: None, ..*condition };
         let setting = self.setting(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;

@@ -33,9 +33,7 @@ pub use ignition::{BelowMinimum, Depletion, Flame, FlameConditions, Ignition};
 pub use injector::Injector;
 pub use inverse::Inverse;
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
-pub use pressurant::{
-    Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, Regulator,
-};
+pub use pressurant::{Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, Regulator};
 pub use reaction_control::{Drive, Modulator, Pair, PairLevels, ReactionControl, Thruster, ThrusterLoads};
 pub use valve::{Valve, ValveArea};
 
@@ -228,10 +226,14 @@ impl Engine {
         engine.ignition.validate().map_err(|e| e.within("engine.ignition"))?;
         let demand_kg_s = (paper.oxidizer_flow_min_kg_s, paper.oxidizer_flow_max_kg_s);
         if demand_kg_s.0 >= demand_kg_s.1 {
-            let message = format!("{} kg/s is not above oxidizer_flow_min_kg_s = {} kg/s", demand_kg_s.1, demand_kg_s.0);
+            let message = format!(
+                "{} kg/s is not above oxidizer_flow_min_kg_s = {} kg/s",
+                demand_kg_s.1, demand_kg_s.0
+            );
             return Err(Invalid::new("paper_mode.oxidizer_flow_max_kg_s", message).into());
         }
-        let map = CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
+        let map =
+            CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
         let valve_area = ValveArea::read(texts.valve_area).map_err(EngineError::ValveArea)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         Ok(Self {
@@ -430,7 +432,9 @@ impl<'a> Setting<'a> {
     /// Growth of the throat: hot flow erodes, cold flow does not.
     fn erosion_m_s(&self, chamber_pa: f64) -> f64 {
         let nozzle = &self.engine.nozzle;
-        if self.condition.throat_radius_m >= nozzle.greatest_throat_radius_m() || nozzle.erosion_rate_m_s == 0.0 {
+        if self.condition.throat_radius_m >= nozzle.greatest_throat_radius_m()
+            || nozzle.erosion_rate_m_s == 0.0
+        {
             return 0.0;
         }
         let log = libm::log(chamber_pa / nozzle.erosion_pressure_pa);
@@ -455,7 +459,11 @@ impl<'a> Setting<'a> {
             oxidizer_kg_s,
             fuel_kg_s,
             nozzle_kg_s,
-            of_ratio: if f >= 1.0 && fuel_kg_s > 0.0 { hot.of_ratio } else { ratio(oxidizer_kg_s, fuel_kg_s) },
+            of_ratio: if f >= 1.0 && fuel_kg_s > 0.0 {
+                hot.of_ratio
+            } else {
+                ratio(oxidizer_kg_s, fuel_kg_s)
+            },
             chamber_pa,
             injector_inlet_pa: found.injector_inlet_pa,
             quality: found.quality,
@@ -480,7 +488,8 @@ impl<'a> Setting<'a> {
         let of_ratio = if fuel_kg > 0.0 { burning_fraction * oxidizer_kg / fuel_kg } else { lean };
         let mixture = engine.map.mixture(of_ratio.min(lean));
         let vessel = Vessel {
-            volume_m3: engine.chamber.dead_volume_m3 + engine.grain.port_volume_m3(self.condition.port_radius_m),
+            volume_m3: engine.chamber.dead_volume_m3
+                + engine.grain.port_volume_m3(self.condition.port_radius_m),
             c_star_efficiency: engine.chamber.c_star_efficiency,
             discharge_coefficient: engine.nozzle.discharge_coefficient,
             burning_fraction,

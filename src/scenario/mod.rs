@@ -348,9 +348,12 @@ impl ScenarioFile {
         if file.actuators.gimbal.is_some() && !file.actuators.ideal {
             faults.push(Invalid::new("actuators.gimbal", "only beside actuators.ideal = true"));
         }
-        if file.initial.engine == EngineStart::Running && file.initial.place == Place::Pad && !file.initial.clamped
+        if file.initial.engine == EngineStart::Running
+            && file.initial.place == Place::Pad
+            && !file.initial.clamped
         {
-            faults.push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
+            faults
+                .push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
         }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
     }
@@ -379,8 +382,7 @@ impl Scenario {
 
     /// Free flight at rest with the engine running, under one command: for tables and tests.
     pub fn free_flight(vehicle: &Vehicle, command: ActuatorCommand) -> Self {
-        let initial =
-            Initial { place: Place::Free, engine: EngineStart::Running, ..Initial::default() };
+        let initial = Initial { place: Place::Free, engine: EngineStart::Running, ..Initial::default() };
         let file = ScenarioFile {
             description: String::new(),
             vehicle: vehicle.name.clone(),

@@ -296,9 +296,8 @@ impl Flight {
         let touchdown = self.referee.touchdown.map(|mut touchdown| {
             if let Some(estimate) = self.estimate_at_touchdown {
                 touchdown.control_error_m = Some(libm::hypot(estimate.x - target[0], estimate.y - target[1]));
-                touchdown.navigation_error_m = self
-                    .true_at_touchdown()
-                    .map(|p| libm::hypot(estimate.x - p.x, estimate.y - p.y));
+                touchdown.navigation_error_m =
+                    self.true_at_touchdown().map(|p| libm::hypot(estimate.x - p.x, estimate.y - p.y));
             }
             touchdown
         });
@@ -359,11 +358,7 @@ fn asks_for_thrust(command: &ActuatorCommand) -> bool {
 ///
 /// # Errors
 /// As [`Flight::new`].
-pub fn fly(
-    scenario: &Scenario,
-    seed: u32,
-    mut each_step: impl FnMut(&Snapshot),
-) -> Result<Flight, Invalid> {
+pub fn fly(scenario: &Scenario, seed: u32, mut each_step: impl FnMut(&Snapshot)) -> Result<Flight, Invalid> {
     let mut flight = Flight::new(scenario, seed)?;
     each_step(flight.snapshot());
     let end = scenario.file.duration_s.map(SimTime::from_s);

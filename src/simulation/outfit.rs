@@ -24,7 +24,11 @@ const THRUST_NODES: usize = 24;
 const RADIUS_NODES: usize = 8;
 
 /// Parameters of the autopilot for a scenario's vehicle, site and mission.
-pub fn autopilot(scenario: &Scenario, environment: &Environment, instruments: &Instrumentation) -> Parameters {
+pub fn autopilot(
+    scenario: &Scenario,
+    environment: &Environment,
+    instruments: &Instrumentation,
+) -> Parameters {
     let vehicle = &scenario.vehicle;
     Parameters {
         mission: scenario.file.mission.clone(),
@@ -115,11 +119,8 @@ fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
         start * start + (1.0 - share) * (grain.outer_radius_m * grain.outer_radius_m - start * start);
     let full_kg = vehicle.initial_nitrous_kg();
     let nitrous_kg = share * full_kg;
-    let pressurant = vehicle.nitrogen(
-        vehicle.initial_nitrogen_kg(full_kg),
-        nitrous_kg,
-        vehicle.site.pressure_pa,
-    );
+    let pressurant =
+        vehicle.nitrogen(vehicle.initial_nitrogen_kg(full_kg), nitrous_kg, vehicle.site.pressure_pa);
     let contents = Contents {
         nitrous_kg,
         nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
@@ -185,7 +186,8 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
             chamber_gas: None,
             oxidizer_flow_limit_kg_s: f64::INFINITY,
         };
-        let points: Vec<_> = map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();
+        let points: Vec<_> =
+            map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();
         map.valve_rad.push(points.iter().map(|p| p.valve_rad).collect());
         map.oxidizer_kg_s.push(points.iter().map(|p| p.point.oxidizer_kg_s).collect());
         map.fuel_kg_s.push(points.iter().map(|p| p.point.fuel_kg_s).collect());

@@ -7,9 +7,9 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use hdrhistogram::Histogram;
 use hopbench::input::{Fault, InputError};
 use hopbench::plant::Snapshot;
-use hdrhistogram::Histogram;
 use hopbench::simulation::report::Percentiles;
 use hopbench::simulation::{self, Report};
 
@@ -94,8 +94,8 @@ impl Default for StepCost {
     fn default() -> Self {
         Self {
             last: None,
-            // Three significant digits; grows as needed.
-            histogram: Histogram::new(3).expect("three digits are allowed"),
+            // A nanosecond to a minute, three significant digits.
+            histogram: Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("the bounds are in order"),
         }
     }
 }
@@ -189,7 +189,12 @@ pub fn summary(report: &Report) -> String {
     let p = &report.propellant;
     line(format!(
         "used           N2O {:.3} kg ({:.3} left), fuel {:.3} kg ({:.3} left), nitrogen {:.3} kg by thrusters, {:.3} vented",
-        p.nitrous_used_kg, p.nitrous_left_kg, p.fuel_used_kg, p.fuel_left_kg, p.nitrogen_rcs_kg, p.nitrogen_vented_kg
+        p.nitrous_used_kg,
+        p.nitrous_left_kg,
+        p.fuel_used_kg,
+        p.fuel_left_kg,
+        p.nitrogen_rcs_kg,
+        p.nitrogen_vented_kg
     ));
     let m = &report.mass;
     line(format!(

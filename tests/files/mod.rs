@@ -1,0 +1,57 @@
+//! The project's own scenarios and vehicles, for tests.
+#![allow(dead_code)] // each test binary uses its part
+
+use std::path::{Path, PathBuf};
+
+use hopbench::input::{Document, InputError};
+use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
+use hopbench::vehicle::{Vehicle, VehicleFile};
+
+pub fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios")
+}
+
+pub fn text(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The vehicle of a document, with the tables beside `scenarios/vehicles`.
+pub fn vehicle_of(document: &Document) -> Result<Vehicle, InputError> {
+    let file = VehicleFile::read(document)?;
+    let vehicles = folder().join("vehicles");
+    let (map, area) =
+        (text(&vehicles.join(&file.engine.map.file)), text(&vehicles.join(&file.feed.valve.area_file)));
+    Vehicle::new(file, &map, &area).map_err(|e| match e {
+        hopbench::vehicle::VehicleError::Invalid(fault) => document.error(vec![fault]),
+        table => panic!("{table}"),
+    })
+}
+
+pub fn reference_document() -> Document {
+    Document::parse("reference.toml", &text(&folder().join("vehicles/reference.toml"))).unwrap()
+}
+
+pub fn reference() -> Vehicle {
+    vehicle_of(&reference_document()).unwrap()
+}
+
+/// A scenario of the project with values replaced, `vehicle.` ones in the vehicle file.
+pub fn scenario(name: &str, overrides: &[(&str, &str)]) -> Scenario {
+    try_scenario(name, overrides).unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub fn try_scenario(name: &str, overrides: &[(&str, &str)]) -> Result<Scenario, InputError> {
+    let path = folder().join(format!("{name}.toml"));
+    let mut document = Document::parse(name, &text(&path))?;
+    let mut vehicle = reference_document();
+    for (key, value) in overrides {
+        match key.strip_prefix("vehicle.") {
+            Some(key) => vehicle.set(key, value)?,
+            None => document.set(key, value)?,
+        }
+    }
+    let file = ScenarioFile::read(&document)?;
+    let schedule = file.commands.as_ref().map(|c| Schedule::parse(&text(&folder().join(c))).unwrap());
+    let vehicle = vehicle_of(&vehicle)?;
+    Scenario::new(name, file, vehicle, schedule).map_err(|faults| document.error(faults))
+}
