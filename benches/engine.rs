@@ -1,9 +1,13 @@
 //! Time of one evaluation of the engine: `cargo bench --bench engine`.
 
+#![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // A benchmark reads the clock and prints.
+
 use std::hint::black_box;
 use std::time::Instant;
 
-use hopbench::propulsion::{Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, Guess, PaperMode};
+use hopbench::propulsion::{
+    Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, Guess, PaperMode,
+};
 
 #[derive(serde::Deserialize)]
 struct Vehicle {
@@ -56,7 +60,9 @@ fn main() {
         let cold = ns_per_call(50_000, |_| {
             black_box(engine.operating_point(&feed, black_box(area), &condition, Guess::default()));
         });
-        println!("operating_point at {degrees:4.1} deg: moving {warm:6.0} ns, still {still:6.0} ns, cold {cold:6.0} ns");
+        println!(
+            "operating_point at {degrees:4.1} deg: moving {warm:6.0} ns, still {still:6.0} ns, cold {cold:6.0} ns"
+        );
     }
     let mut guess = Guess::default();
     let inverse = ns_per_call(50_000, |i| {

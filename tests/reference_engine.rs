@@ -61,13 +61,8 @@ fn thrust_near_zero_against_flow() {
 #[test]
 fn thrust_near_zero_against_valve_angle() {
     let (engine, feed) = (engine(), FeedMap::new(65e5, 290.0));
-    let rows = [
-        (12.0, 169.8, 5.53),
-        (10.0, 110.3, 3.91),
-        (8.0, 62.2, 2.55),
-        (6.0, 24.7, 1.51),
-        (4.0, 5.87, 1.12),
-    ];
+    let rows =
+        [(12.0, 169.8, 5.53), (10.0, 110.3, 3.91), (8.0, 62.2, 2.55), (6.0, 24.7, 1.51), (4.0, 5.87, 1.12)];
     for (degrees, thrust, chamber_bar) in rows {
         let point = at_angle(&engine, &feed, degrees, &condition(35.0, 10.0));
         near(point.thrust_n, thrust, if thrust < 10.0 { 0.02 } else { 0.1 }, "thrust");

@@ -135,16 +135,7 @@ impl Nitrous {
 
     fn read() -> Self {
         const WHOLE: &str = "a committed table is whole";
-        let columns = [
-            "x",
-            "T_K",
-            "hL_J_kg",
-            "hV_J_kg",
-            "rhoL_kg_m3",
-            "rhoV_kg_m3",
-            "sL_J_kgK",
-            "sV_J_kgK",
-        ];
+        let columns = ["x", "T_K", "hL_J_kg", "hV_J_kg", "rhoL_kg_m3", "rhoV_kg_m3", "sL_J_kgK", "sV_J_kgK"];
         let line = Table::read(include_str!("data/n2o_saturation.csv"), columns).expect(WHOLE);
         let (first, last) = (line.rows[0].1[0], line.rows[line.rows.len() - 1].1[0]);
         let rows: Vec<[f64; 7]> = line.rows.iter().map(|(_, r)| std::array::from_fn(|k| r[k + 1])).collect();
@@ -292,7 +283,12 @@ impl Nitrous {
             bracketed_root(bracket, |pa| 1.0 - mach2(pa)).x
         };
         let (density, drop_j_kg, _) = self.two_phase_expansion(from, pressure_pa);
-        Critical { pressure_pa, flux_kg_m2_s: density * (2.0 * drop_j_kg.max(0.0)).sqrt(), saturation_pa, onset }
+        Critical {
+            pressure_pa,
+            flux_kg_m2_s: density * (2.0 * drop_j_kg.max(0.0)).sqrt(),
+            saturation_pa,
+            onset,
+        }
     }
 
     /// Density [kg/m³], drop of enthalpy [J/kg] and isentropic slope of density [kg/(m³ Pa)] of the
@@ -332,7 +328,9 @@ mod tests {
     #[test]
     fn the_tank_state_is_that_of_the_vehicle_file() {
         let n2o = Nitrous::tables();
-        for (t, density, flash_bar) in [(290.0, 834.318_138_7, 45.43), (288.0, 847.88, 43.39), (293.0, 812.17, 48.68)] {
+        for (t, density, flash_bar) in
+            [(290.0, 834.318_138_7, 45.43), (288.0, 847.88, 43.39), (293.0, 812.17, 48.68)]
+        {
             let liquid = n2o.liquid(65e5, t);
             // The last printed digit; the first density is printed to ten.
             let tolerance = if t == 290.0 { 1e-5 } else { 0.006 };

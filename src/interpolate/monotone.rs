@@ -30,8 +30,7 @@ impl<const N: usize> Monotone<N> {
             .map(|i| {
                 std::array::from_fn(|column| {
                     let chord = |j: usize| (rows[j + 1][column] - rows[j][column]) / width(j);
-                    let (left, right) =
-                        (slope(i, last, &width, &chord), slope(i + 1, last, &width, &chord));
+                    let (left, right) = (slope(i, last, &width, &chord), slope(i + 1, last, &width, &chord));
                     let (h, c) = (width(i), chord(i));
                     let cubic = (left + right - 2.0 * c) / (h * h);
                     [rows[i][column], left, (3.0 * c - 2.0 * left - right) / h, cubic]
@@ -94,7 +93,11 @@ impl<const N: usize> Monotone<N> {
         let (mut below, mut above, mut t) = (0.0, width, 0.5 * width);
         for _ in 0..80 {
             let e = error(t);
-            if e < 0.0 { below = t } else { above = t }
+            if e < 0.0 {
+                below = t
+            } else {
+                above = t
+            }
             let newton = t - e / (b + t * (2.0 * c + t * 3.0 * d));
             let next = if newton > below && newton < above { newton } else { 0.5 * (below + above) };
             if (next - t).abs() <= 1e-15 * width {

@@ -50,7 +50,7 @@ pub fn bracketed_root(bracket: Bracket, mut f: impl FnMut(f64) -> f64) -> Root {
     let (low_end, high_end) = (low, high);
     let mut x = if guess > low && guess < high { guess } else { 0.5 * (low + high) };
     let mut slope = slope.filter(|s| *s > 0.0).unwrap_or(0.0);
-    if !(low <= high) {
+    if low > high || low.is_nan() || high.is_nan() {
         return Root { x: low, slope, status: RootStatus::Invalid };
     }
     let mut previous: Option<(f64, f64)> = None;
@@ -60,7 +60,11 @@ pub fn bracketed_root(bracket: Bracket, mut f: impl FnMut(f64) -> f64) -> Root {
         if y.is_nan() {
             return Root { x, slope, status: RootStatus::Invalid };
         }
-        if y < 0.0 { low = x } else { high = x }
+        if y < 0.0 {
+            low = x
+        } else {
+            high = x
+        }
         if let Some((x0, y0)) = previous {
             let secant = (y - y0) / (x - x0);
             // A secant through round-off says nothing.

@@ -78,9 +78,12 @@ impl<const N: usize> Table<N> {
         let names: Vec<&str> = heading.split(',').map(str::trim).collect();
         let mut positions = [0; N];
         for (position, column) in positions.iter_mut().zip(columns) {
-            *position = names.iter().position(|name| *name == column).ok_or_else(|| {
-                TableError::MissingColumn { column: column.into(), line: heading_line, found: names.join(", ") }
-            })?;
+            *position =
+                names.iter().position(|name| *name == column).ok_or_else(|| TableError::MissingColumn {
+                    column: column.into(),
+                    line: heading_line,
+                    found: names.join(", "),
+                })?;
         }
         let mut rows = Vec::new();
         for (line, text) in lines {

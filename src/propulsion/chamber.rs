@@ -109,15 +109,23 @@ pub fn steady_pressure(
 }
 
 /// (11S): the throat may be unchoked.
-fn near_ambient(map: &CombustionMap, mixture: &Mixture<'_>, choked_per_c_star: f64, ambient_pa: f64) -> ChamberPressure {
+fn near_ambient(
+    map: &CombustionMap,
+    mixture: &Mixture<'_>,
+    choked_per_c_star: f64,
+    ambient_pa: f64,
+) -> ChamberPressure {
     let gas = PerfectGas { gamma: mixture.gamma() };
     let critical_ratio = gas.total_over_static(1.0);
     let mut pa = ambient_pa;
     let mut log = map.log_pressure(pa);
     for _ in 0..PASSES {
         let choked_ratio = choked_per_c_star * mixture.c_star_m_s(log) / ambient_pa;
-        let ratio =
-            if choked_ratio >= critical_ratio { choked_ratio } else { gas.unchoked_pressure_ratio(choked_ratio) };
+        let ratio = if choked_ratio >= critical_ratio {
+            choked_ratio
+        } else {
+            gas.unchoked_pressure_ratio(choked_ratio)
+        };
         let change = ratio * ambient_pa - pa;
         pa = ratio * ambient_pa;
         log = map.log_pressure(pa);

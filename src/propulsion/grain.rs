@@ -49,7 +49,8 @@ impl Grain {
     pub fn validate(&self) -> Result<(), Invalid> {
         let limit_m = self.burn_through_radius_m();
         if self.port_radius_m >= limit_m {
-            let message = format!("{} m leaves no fuel: the grain is burnt through at {limit_m} m", self.port_radius_m);
+            let message =
+                format!("{} m leaves no fuel: the grain is burnt through at {limit_m} m", self.port_radius_m);
             return Err(Invalid::new("port_radius_m", message));
         }
         Ok(())
@@ -64,7 +65,8 @@ impl Grain {
     /// Fuel left [kg], Eq (6R): ρ L (π Ro² - N π R²), zero at burn-through.
     pub fn fuel_kg(&self, port_radius_m: f64) -> f64 {
         let ports = f64::from(self.port_count);
-        let area_m2 = PI * (self.outer_radius_m * self.outer_radius_m - ports * port_radius_m * port_radius_m);
+        let area_m2 =
+            PI * (self.outer_radius_m * self.outer_radius_m - ports * port_radius_m * port_radius_m);
         self.fuel_density_kg_m3 * self.length_m * area_m2.max(0.0)
     }
 

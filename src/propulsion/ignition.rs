@@ -7,7 +7,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::input::Invalid;
 use crate::time::SimTime;
 
 /// Igniter and flame: the `[engine.ignition]` table.
@@ -95,11 +94,6 @@ pub struct FlameConditions {
 }
 
 impl Ignition {
-    /// Rules between the keys.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        Ok(())
-    }
-
     /// Whether the igniter's flame burns.
     pub fn igniter_burns(&self, flame: &Flame, time: SimTime) -> bool {
         flame.igniter_fired.is_some_and(|fired| {
@@ -117,8 +111,7 @@ impl Ignition {
         let igniter_burns = self.igniter_burns(&next, now.time);
         if flame.lit {
             let low = now.chamber_pa < self.extinction_pressure_pa && !igniter_burns;
-            next.low_pressure_since =
-                if low { flame.low_pressure_since.or(Some(now.time)) } else { None };
+            next.low_pressure_since = if low { flame.low_pressure_since.or(Some(now.time)) } else { None };
             let starved = next
                 .low_pressure_since
                 .is_some_and(|since| now.time.since(since) >= SimTime::from_s(self.extinction_time_s));
@@ -165,7 +158,13 @@ pub(super) mod tests {
     }
 
     fn seen(ms: u64, igniter: bool, oxidizer_kg_s: f64, chamber_pa: f64) -> FlameConditions {
-        FlameConditions { time: SimTime::from_us(1000 * ms), igniter, oxidizer_kg_s, chamber_pa, fuel_left: true }
+        FlameConditions {
+            time: SimTime::from_us(1000 * ms),
+            igniter,
+            oxidizer_kg_s,
+            chamber_pa,
+            fuel_left: true,
+        }
     }
 
     #[test]

@@ -3,8 +3,9 @@
 //! Thrust → oxidiser flow (the thrust rises with it: one bracketed root, where the seed paper sweeps) →
 //! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
 
-use super::{Engine, EngineCondition, FeedMap, Guess, OperatingPoint, Setting};
-use crate::interpolate::{Bracket, bracketed_root};
+use super::engine::{Engine, EngineCondition, Guess, INLET_TOLERANCE, OperatingPoint, Setting};
+use super::feed_map::FeedMap;
+use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
 /// Answer of the inverse problem.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +26,13 @@ const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 impl Engine {
     /// Valve angle for a steady thrust. The chamber's gas, if it is a state, is not looked at: the answer is
     /// for the steady engine.
-    pub fn inverse(&self, feed: &FeedMap, thrust_n: f64, condition: &EngineCondition, guess: Guess) -> Inverse {
+    pub fn inverse(
+        &self,
+        feed: &FeedMap,
+        thrust_n: f64,
+        condition: &EngineCondition,
+        guess: Guess,
+    ) -> Inverse {
         let steady = EngineCondition { chamber_gas: None, ..*condition };
         let setting = self.setting(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
@@ -44,7 +51,7 @@ impl Engine {
             tolerance: FLOW_TOLERANCE_KG_S,
         };
         let root = bracketed_root(bracket, excess_n);
-        let beyond = !matches!(root.status, crate::interpolate::RootStatus::Solved);
+        let beyond = !matches!(root.status, RootStatus::Solved);
         let (_, open_m2) = self.valve_area.fully_open();
         let (area_m2, inlet_guess) = match setting.inlet_of_flow(feed, root.x, guess, &mut log) {
             Some((area_m2, inlet_pa)) => (area_m2, Guess { injector_inlet_pa: inlet_pa, ..guess }),
@@ -82,7 +89,7 @@ impl Setting<'_> {
             high: tank_pa,
             guess: guess.injector_inlet_pa,
             slope: Some(guess.slope_kg_s_pa),
-            tolerance: super::INLET_TOLERANCE * tank_pa,
+            tolerance: INLET_TOLERANCE * tank_pa,
         };
         let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
         let flux = feed.inlet(inlet_pa).valve_flux_kg_m2_s;

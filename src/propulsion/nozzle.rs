@@ -88,7 +88,12 @@ impl Nozzle {
     }
 
     /// Thrust [N] and state of the flow at a chamber pressure. `combustion_efficiency` is that of c*.
-    pub fn thrust(&self, throat: &Throat, mixture: &Mixture<'_>, chamber: ChamberPressure) -> (f64, NozzleFlow) {
+    pub fn thrust(
+        &self,
+        throat: &Throat,
+        mixture: &Mixture<'_>,
+        chamber: ChamberPressure,
+    ) -> (f64, NozzleFlow) {
         let full_n = |c: ChamberPressure| {
             let velocity = STANDARD_GRAVITY_M_S2 * mixture.vacuum_isp_s(c.log) / mixture.c_star_m_s(c.log);
             self.thrust_efficiency * self.discharge_coefficient * c.pa * throat.area_m2 * velocity
@@ -214,7 +219,11 @@ impl PerfectGas {
     /// number: τ(M) of (10S).
     pub fn ideal_thrust(&self, mach: f64) -> f64 {
         let m2 = mach * mach;
-        if mach < 1.0 { self.gamma * m2 } else { self.area_ratio(mach) * ((1.0 + self.gamma * m2) / mach - 1.0) }
+        if mach < 1.0 {
+            self.gamma * m2
+        } else {
+            self.area_ratio(mach) * ((1.0 + self.gamma * m2) / mach - 1.0)
+        }
     }
 
     /// Pc/pa of an unchoked throat whose flow would need this much if it were choked; (11S) in closed form:

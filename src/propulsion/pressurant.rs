@@ -189,8 +189,13 @@ mod tests {
     }
 
     fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
-        let inventory =
-            NitrogenInventory { total_kg, ullage_m3, ullage_k: 290.0, flow_kg_s: 0.01, ambient_pa: 101_325.0 };
+        let inventory = NitrogenInventory {
+            total_kg,
+            ullage_m3,
+            ullage_k: 290.0,
+            flow_kg_s: 0.01,
+            ambient_pa: 101_325.0,
+        };
         reference().distribute(&inventory)
     }
 
@@ -211,7 +216,10 @@ mod tests {
             let now = with(total, 0.012);
             assert!((now.tank_kg + now.bottle_kg - total).abs() < 1e-12);
             if let Some(before) = before {
-                assert!(now.tank_pa <= before.tank_pa + 1e-2 && now.bottle_pa <= before.bottle_pa + 1e-2, "{now:?}");
+                assert!(
+                    now.tank_pa <= before.tank_pa + 1e-2 && now.bottle_pa <= before.bottle_pa + 1e-2,
+                    "{now:?}"
+                );
                 // 1 g in 21 litres at most is 0.05 bar, in 9 litres of bottle 0.2 bar at 300 bar.
                 assert!(before.tank_pa - now.tank_pa < 0.1e5 && before.bottle_pa - now.bottle_pa < 0.3e5);
             }

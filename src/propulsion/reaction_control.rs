@@ -262,7 +262,9 @@ mod tests {
         assert!((loads.moment_body_n_m - Vec3::new(0.0, 0.0, 2.0)).norm() < 1e-12, "{loads:?}");
         assert!(loads.force_body_n.norm() < 1e-12);
         assert!((loads.nitrogen_kg_s - 10.0 / (65.0 * 9.80665)).abs() < 1e-15);
-        assert!((reference().loads(&PairLevels { a: 1.0, b: 0.0 }, 7.5e5).moment_body_n_m.z + 1.0).abs() < 1e-12);
+        assert!(
+            (reference().loads(&PairLevels { a: 1.0, b: 0.0 }, 7.5e5).moment_body_n_m.z + 1.0).abs() < 1e-12
+        );
     }
 
     fn mean_level(command: f64, dt_us: u64) -> (f64, f64) {
@@ -280,7 +282,9 @@ mod tests {
 
     #[test]
     fn duty_is_the_command_even_when_single_pulses_would_be_too_short() {
-        for (command, dt_us) in [(1.0, 1000), (0.5, 1000), (0.13, 1000), (0.07, 1000), (-0.07, 700), (0.333, 3000)] {
+        for (command, dt_us) in
+            [(1.0, 1000), (0.5, 1000), (0.13, 1000), (0.07, 1000), (-0.07, 700), (0.333, 3000)]
+        {
             let (a, b) = mean_level(command, dt_us);
             let (on, off) = if command > 0.0 { (b, a) } else { (a, b) };
             // One period in a hundred begun or owed, and periods stretched to whole steps.
@@ -295,7 +299,9 @@ mod tests {
         let rcs = reference();
         let mut modulator = Modulator::default();
         let open: Vec<f64> = (0..100)
-            .map(|i| rcs.modulate(&mut modulator, 0.305, SimTime::from_us(1000 * i), SimTime::from_us(1000)).b)
+            .map(|i| {
+                rcs.modulate(&mut modulator, 0.305, SimTime::from_us(1000 * i), SimTime::from_us(1000)).b
+            })
             .collect();
         assert!(open[..5].iter().all(|share| *share == 0.0));
         assert!((open.iter().sum::<f64>() - 30.5).abs() < 1e-9);

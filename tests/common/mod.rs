@@ -8,6 +8,7 @@ use hopbench::propulsion::{
 pub const AMBIENT_PA: f64 = 101_325.0;
 
 #[derive(serde::Deserialize)]
+#[allow(dead_code)]
 pub struct Vehicle {
     pub engine: EngineParameters,
     pub feed: FeedParameters,
@@ -53,14 +54,24 @@ pub fn condition(port_mm: f64, throat_mm: f64) -> EngineCondition {
 }
 
 #[allow(dead_code)]
-pub fn at_angle(engine: &Engine, feed: &FeedMap, degrees: f64, condition: &EngineCondition) -> OperatingPoint {
+pub fn at_angle(
+    engine: &Engine,
+    feed: &FeedMap,
+    degrees: f64,
+    condition: &EngineCondition,
+) -> OperatingPoint {
     let area_m2 = engine.valve_area().area_m2(degrees.to_radians());
     engine.operating_point(feed, area_m2, condition, Guess::default())
 }
 
 /// The valve fully open, the flow given by the outlet's limit.
 #[allow(dead_code)]
-pub fn at_flow(engine: &Engine, feed: &FeedMap, oxidizer_kg_s: f64, condition: &EngineCondition) -> OperatingPoint {
+pub fn at_flow(
+    engine: &Engine,
+    feed: &FeedMap,
+    oxidizer_kg_s: f64,
+    condition: &EngineCondition,
+) -> OperatingPoint {
     let limited = EngineCondition { oxidizer_flow_limit_kg_s: oxidizer_kg_s, ..*condition };
     engine.operating_point(feed, engine.valve_area().fully_open().1, &limited, Guess::default())
 }
