@@ -1,5 +1,7 @@
 //! Time of one evaluation of the engine: `cargo bench --bench engine`.
 
+#![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // A benchmark reads the clock and prints.
+
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -23,14 +23,13 @@ impl Worst {
 
     fn see(&mut self, got: f64, expected: f64, scale: f64, row: &[f64]) {
         let error = (got - expected).abs() / scale;
-        if !(error <= self.0) {
+        if error > self.0 || error.is_nan() {
             *self = Self(error, format!("{got} for {expected} at {row:?}"));
         }
     }
 
     fn stays_below(&self, limit: f64, what: &str) {
         assert!(self.0 < limit, "{what}: {} ({})", self.0, self.1);
-        eprintln!("{what}: worst {:.1e}", self.0);
     }
 }
 

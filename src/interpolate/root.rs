@@ -50,7 +50,7 @@ pub fn bracketed_root(bracket: Bracket, mut f: impl FnMut(f64) -> f64) -> Root {
     let (low_end, high_end) = (low, high);
     let mut x = if guess > low && guess < high { guess } else { 0.5 * (low + high) };
     let mut slope = slope.filter(|s| *s > 0.0).unwrap_or(0.0);
-    if !(low <= high) {
+    if low > high || low.is_nan() || high.is_nan() {
         return Root { x: low, slope, status: RootStatus::Invalid };
     }
     let mut previous: Option<(f64, f64)> = None;

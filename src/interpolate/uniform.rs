@@ -143,13 +143,14 @@ impl<const N: usize> UniformGrid<N> {
         for (from, to, along_fast) in [(0, 1, false), (0, 2, true), (2, 3, false)] {
             for i in 0..slow.count {
                 for j in 0..fast.count {
-                    for column in 0..N {
-                        nodes[index(i, j)][to][column] = if along_fast {
+                    let slopes = std::array::from_fn(|column| {
+                        if along_fast {
                             unit_slope(j, fast.count - 1, |k| nodes[index(i, k)][from][column])
                         } else {
                             unit_slope(i, slow.count - 1, |k| nodes[index(k, j)][from][column])
-                        };
-                    }
+                        }
+                    });
+                    nodes[index(i, j)][to] = slopes;
                 }
             }
         }
@@ -165,11 +166,11 @@ impl<const N: usize> UniformGrid<N> {
         let mut out = Sample { value: [0.0; N], slow_slope: [0.0; N], fast_slope: [0.0; N] };
         for a in 0..2 {
             for b in 0..2 {
-                let node = &self.nodes[(i + a) * self.fast.count + j + b];
+                let [f, fu, fv, fuv] = &self.nodes[(i + a) * self.fast.count + j + b];
                 let (u0, u1, du0, du1) = (hu[2 * a], hu[2 * a + 1], du[2 * a], du[2 * a + 1]);
                 let (v0, v1, dv0, dv1) = (hv[2 * b], hv[2 * b + 1], dv[2 * b], dv[2 * b + 1]);
                 for k in 0..N {
-                    let [f, fu, fv, fuv] = [node[0][k], node[1][k], node[2][k], node[3][k]];
+                    let (f, fu, fv, fuv) = (f[k], fu[k], fv[k], fuv[k]);
                     let (along, along_slope) = (v0 * f + v1 * fv, dv0 * f + dv1 * fv);
                     let (cross, cross_slope) = (v0 * fu + v1 * fuv, dv0 * fu + dv1 * fuv);
                     out.value[k] += u0 * along + u1 * cross;

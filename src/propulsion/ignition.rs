@@ -7,7 +7,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::input::Invalid;
 use crate::time::SimTime;
 
 /// Igniter and flame: the `[engine.ignition]` table.
@@ -95,11 +94,6 @@ pub struct FlameConditions {
 }
 
 impl Ignition {
-    /// Rules between the keys.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        Ok(())
-    }
-
     /// Whether the igniter's flame burns.
     pub fn igniter_burns(&self, flame: &Flame, time: SimTime) -> bool {
         flame.igniter_fired.is_some_and(|fired| {

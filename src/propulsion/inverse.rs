@@ -3,8 +3,9 @@
 //! Thrust → oxidiser flow (the thrust rises with it: one bracketed root, where the seed paper sweeps) →
 //! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
 
-use super::{Engine, EngineCondition, FeedMap, Guess, OperatingPoint, Setting};
-use crate::interpolate::{Bracket, bracketed_root};
+use super::engine::{Engine, EngineCondition, Guess, INLET_TOLERANCE, OperatingPoint, Setting};
+use super::feed_map::FeedMap;
+use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
 /// Answer of the inverse problem.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +51,7 @@ impl Engine {
             tolerance: FLOW_TOLERANCE_KG_S,
         };
         let root = bracketed_root(bracket, excess_n);
-        let beyond = !matches!(root.status, crate::interpolate::RootStatus::Solved);
+        let beyond = !matches!(root.status, RootStatus::Solved);
         let (_, open_m2) = self.valve_area.fully_open();
         let (area_m2, inlet_guess) = match setting.inlet_of_flow(feed, root.x, guess, &mut log) {
             Some((area_m2, inlet_pa)) => (area_m2, Guess { injector_inlet_pa: inlet_pa, ..guess }),
@@ -88,7 +89,7 @@ impl Setting<'_> {
             high: tank_pa,
             guess: guess.injector_inlet_pa,
             slope: Some(guess.slope_kg_s_pa),
-            tolerance: super::INLET_TOLERANCE * tank_pa,
+            tolerance: INLET_TOLERANCE * tank_pa,
         };
         let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
         let flux = feed.inlet(inlet_pa).valve_flux_kg_m2_s;

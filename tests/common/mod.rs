@@ -8,6 +8,7 @@ use hopbench::propulsion::{
 pub const AMBIENT_PA: f64 = 101_325.0;
 
 #[derive(serde::Deserialize)]
+#[allow(dead_code)]
 pub struct Vehicle {
     pub engine: EngineParameters,
     pub feed: FeedParameters,
