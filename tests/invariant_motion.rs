@@ -129,28 +129,28 @@ fn momentum_drift(vehicle: &Vehicle, dt_s: f64) -> (f64, f64) {
     drift
 }
 
-// Truncation of RK4 at 1 ms is about 1e-11 (see tests/reference_motion.rs); the requirement is 1e-9.
+// The requirement is 1e-9. Truncation of RK4 at 1 ms leaves 2e-12; the limit is five times that.
 #[test]
 fn momentum_stays_with_slosh_and_swinging_engine() {
     let drift = momentum_drift(&Vehicle::reference(0.0), 1e-3);
-    assert!(drift.0 < 1e-10 && drift.1 < 1e-10, "relative drift {drift:?}");
+    assert!(drift.0 < 1e-11 && drift.1 < 1e-11, "relative drift {drift:?}");
 }
 
 #[test]
 fn momentum_stays_with_flow_when_what_left_is_counted() {
     let drift = momentum_drift(&Vehicle::reference(0.5), 1e-3);
-    assert!(drift.0 < 1e-10 && drift.1 < 1e-10, "relative drift {drift:?}");
+    assert!(drift.0 < 1e-11 && drift.1 < 1e-11, "relative drift {drift:?}");
 }
 
 #[test]
 fn momentum_stays_when_the_liquid_hits_its_stop() {
-    // Free fall: no gravity mode, the tumbling throws the liquid against the stop. The stop's force has
-    // jumps in its derivatives, hence first the coarser limit.
+    // Free fall: no gravity mode, the tumbling throws the liquid against the stop. The stop's force jumps
+    // in its derivatives, but it is internal at every stage: momentum does not see it.
     let mut vehicle = Vehicle::reference(0.0);
     vehicle.mode = full_mode(&reference_vehicle(), 0.0);
     assert_eq!(vehicle.mode.stiffness_1_s2, 0.0);
     let drift = momentum_drift(&vehicle, 1e-3);
-    assert!(drift.0 < 1e-7 && drift.1 < 1e-7, "relative drift {drift:?}");
+    assert!(drift.0 < 1e-10 && drift.1 < 1e-10, "relative drift {drift:?}");
 }
 
 #[test]
