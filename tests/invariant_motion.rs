@@ -271,3 +271,38 @@ fn a_stand_carries_exactly_what_makes_the_vehicle_stay() {
         assert!((free.slosh_body_m_s2 - held.slosh_body_m_s2).norm() < 1e-12);
     });
 }
+
+proptest::proptest! {
+    #[test]
+    fn accelerations_are_finite_for_any_motion(
+        w in proptest::array::uniform3(-50.0..50.0_f64),
+        s in proptest::array::uniform4(-1.0..1.0_f64),
+        gimbal in proptest::array::uniform6(-1.0..1.0_f64),
+        force in proptest::array::uniform3(-1e6..1e6_f64),
+        nitrous_kg in 0.0..20.0_f64,
+        port_radius_m in 0.0..0.08_f64,
+        axial_m_s2 in -50.0..50.0_f64,
+    ) {
+        let reference = reference_vehicle();
+        let contents = hopbench::dynamics::mass::Contents { nitrous_kg, port_radius_m, ..FULL };
+        let masses = reference.model.evaluate(&contents, &Default::default());
+        let mode = reference.slosh.mode(reference.model.tank(), nitrous_kg, 834.3, axial_m_s2).unwrap();
+        let slosh = SloshState {
+            displacement_body_m: Vector2::new(s[0], s[1]),
+            velocity_body_m_s: Vector2::new(s[2], s[3]) * 10.0,
+        };
+        let gimbal = GimbalMotion {
+            angle_rad: Vector2::new(gimbal[0], gimbal[1]) * 0.6,
+            rate_rad_s: Vector2::new(gimbal[2], gimbal[3]) * 10.0,
+            acceleration_rad_s2: Vector2::new(gimbal[4], gimbal[5]) * 1e4,
+        };
+        let flow = FlowTerms::none();
+        let mut balance = balance(&masses.vehicle, &flow, Vec3::from(w));
+        balance.load.force_body_n = Vec3::from(force);
+        balance.slosh = Some((&mode, &slosh));
+        balance.swing = Some(Swing { part: &masses.swinging, gimbal });
+        let a = accelerations(&balance);
+        assert_eq!(a.status, hopbench::dynamics::rigid_body::SolveStatus::Solved);
+        assert!(a.slosh_body_m_s2.norm().is_finite() && a.slosh_force_body_n.norm().is_finite());
+    }
+}
