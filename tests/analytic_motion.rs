@@ -32,6 +32,20 @@ fn mass_table_of_the_reference_vehicle() {
     ] {
         assert!((found - printed).abs() < 6e-4, "{found} against {printed}");
     }
+    // The end of the hop: fuel 0.868 kg fixes the port radius.
+    let grain = 0.868 / (940.0 * 0.25 * core::f64::consts::PI);
+    let end = Contents {
+        nitrous_kg: 2.89,
+        port_radius_m: (0.068 * 0.068 - grain).sqrt(),
+        nitrogen_run_tank_kg: 1.181,
+        nitrogen_bottle_kg: 2.972 - 1.181,
+        ..FULL
+    };
+    assert!((reference.model.fuel_kg(&end) - 0.868).abs() < 1e-12);
+    let end = reference.model.evaluate(&end, &ContentsRate::default()).vehicle;
+    let i = end.inertia_about_com_kg_m2();
+    assert!((end.mass_kg - 60.73).abs() < 6e-3 && (end.centre_of_mass_body_m().z + 0.3878).abs() < 1e-4);
+    assert!((i[(0, 0)] - 20.73).abs() < 6e-3 && (i[(2, 2)] - 2.367).abs() < 6e-4, "{i}");
     let dry = reference.model.dry();
     assert!((dry.mass_kg - 54.0).abs() < 1e-12);
     let i = dry.inertia_about_com_kg_m2();

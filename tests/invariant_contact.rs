@@ -129,9 +129,9 @@ fn a_tilted_drop_only_loses_energy_and_comes_to_rest() {
     for step in 0..10_000 {
         stand.step(0.0);
         let now_j = stand.energy_j();
-        // A touchdown, a lift-off or a slip inside a step is seen a step late: force jump of some 300 N
-        // times 0.5 m/s times 1 ms, 0.15 J of 700 J; nothing of the kind may accumulate.
-        assert!(now_j - before_j < 0.15, "step {step}: {before_j} J to {now_j} J");
+        // A slip inside a step is seen at its end, with the dragged anchor; a touchdown only adds force that
+        // opposes the motion. So no step may gain more than truncation: 1e-9 of 700 J.
+        assert!(now_j - before_j < 1e-6, "step {step}: {before_j} J to {now_j} J");
         before_j = now_j;
     }
     assert!(before_j < start_j - 100.0);

@@ -129,28 +129,28 @@ fn momentum_drift(vehicle: &Vehicle, dt_s: f64) -> (f64, f64) {
     drift
 }
 
-// Truncation of RK4 at 1 ms is about 1e-11 (see tests/reference_motion.rs); the requirement is 1e-9.
+// The requirement is 1e-9. Truncation of RK4 at 1 ms leaves 2e-12; the limit is five times that.
 #[test]
 fn momentum_stays_with_slosh_and_swinging_engine() {
     let drift = momentum_drift(&Vehicle::reference(0.0), 1e-3);
-    assert!(drift.0 < 1e-10 && drift.1 < 1e-10, "relative drift {drift:?}");
+    assert!(drift.0 < 1e-11 && drift.1 < 1e-11, "relative drift {drift:?}");
 }
 
 #[test]
 fn momentum_stays_with_flow_when_what_left_is_counted() {
     let drift = momentum_drift(&Vehicle::reference(0.5), 1e-3);
-    assert!(drift.0 < 1e-10 && drift.1 < 1e-10, "relative drift {drift:?}");
+    assert!(drift.0 < 1e-11 && drift.1 < 1e-11, "relative drift {drift:?}");
 }
 
 #[test]
 fn momentum_stays_when_the_liquid_hits_its_stop() {
-    // Free fall: no gravity mode, the tumbling throws the liquid against the stop. The stop's force has
-    // jumps in its derivatives, hence first the coarser limit.
+    // Free fall: no gravity mode, the tumbling throws the liquid against the stop. The stop's force jumps
+    // in its derivatives, but it is internal at every stage: momentum does not see it.
     let mut vehicle = Vehicle::reference(0.0);
     vehicle.mode = full_mode(&reference_vehicle(), 0.0);
     assert_eq!(vehicle.mode.stiffness_1_s2, 0.0);
     let drift = momentum_drift(&vehicle, 1e-3);
-    assert!(drift.0 < 1e-7 && drift.1 < 1e-7, "relative drift {drift:?}");
+    assert!(drift.0 < 1e-10 && drift.1 < 1e-10, "relative drift {drift:?}");
 }
 
 #[test]
@@ -270,4 +270,39 @@ fn a_stand_carries_exactly_what_makes_the_vehicle_stay() {
         assert!(free.angular_body_rad_s2.norm() < 1e-12);
         assert!((free.slosh_body_m_s2 - held.slosh_body_m_s2).norm() < 1e-12);
     });
+}
+
+proptest::proptest! {
+    #[test]
+    fn accelerations_are_finite_for_any_motion(
+        w in proptest::array::uniform3(-50.0..50.0_f64),
+        s in proptest::array::uniform4(-1.0..1.0_f64),
+        gimbal in proptest::array::uniform6(-1.0..1.0_f64),
+        force in proptest::array::uniform3(-1e6..1e6_f64),
+        nitrous_kg in 0.0..20.0_f64,
+        port_radius_m in 0.0..0.08_f64,
+        axial_m_s2 in -50.0..50.0_f64,
+    ) {
+        let reference = reference_vehicle();
+        let contents = hopbench::dynamics::mass::Contents { nitrous_kg, port_radius_m, ..FULL };
+        let masses = reference.model.evaluate(&contents, &Default::default());
+        let mode = reference.slosh.mode(reference.model.tank(), nitrous_kg, 834.3, axial_m_s2).unwrap();
+        let slosh = SloshState {
+            displacement_body_m: Vector2::new(s[0], s[1]),
+            velocity_body_m_s: Vector2::new(s[2], s[3]) * 10.0,
+        };
+        let gimbal = GimbalMotion {
+            angle_rad: Vector2::new(gimbal[0], gimbal[1]) * 0.6,
+            rate_rad_s: Vector2::new(gimbal[2], gimbal[3]) * 10.0,
+            acceleration_rad_s2: Vector2::new(gimbal[4], gimbal[5]) * 1e4,
+        };
+        let flow = FlowTerms::none();
+        let mut balance = balance(&masses.vehicle, &flow, Vec3::from(w));
+        balance.load.force_body_n = Vec3::from(force);
+        balance.slosh = Some((&mode, &slosh));
+        balance.swing = Some(Swing { part: &masses.swinging, gimbal });
+        let a = accelerations(&balance);
+        assert_eq!(a.status, hopbench::dynamics::rigid_body::SolveStatus::Solved);
+        assert!(a.slosh_body_m_s2.norm().is_finite() && a.slosh_force_body_n.norm().is_finite());
+    }
 }

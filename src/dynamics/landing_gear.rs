@@ -179,8 +179,7 @@ impl LandingGear {
             return contact;
         }
         let body_from_ned = motion.ned_from_body.transpose();
-        for leg in 0..self.legs() {
-            let pad = pads_body_m[leg];
+        for (leg, &pad) in pads_body_m.iter().enumerate().take(self.legs()) {
             let place = motion.point_ned_m(pad);
             let anchor = anchors.pad_ned_m[leg];
             let depth_m = place.z - ground_down_m;
@@ -223,8 +222,8 @@ impl LandingGear {
         if self.clear_of_ground(motion, ground_down_m) && (grip == Grip::Free || anchors.count() == 0) {
             return next;
         }
-        for leg in 0..self.legs() {
-            let place = motion.point_ned_m(pads_body_m[leg]);
+        for (leg, &pad) in pads_body_m.iter().enumerate().take(self.legs()) {
+            let place = motion.point_ned_m(pad);
             let depth_m = place.z - ground_down_m;
             let anchor = anchors.pad_ned_m[leg];
             next.pad_ned_m[leg] = match (anchor, grip) {
@@ -233,7 +232,7 @@ impl LandingGear {
                 (None, _) => Some(place.xy()),
                 (Some(anchor), Grip::Free) => {
                     // The spring alone may reach the cone's edge, so a pad that stops slipping sticks there.
-                    let down_m_s = motion.point_velocity_ned_m_s(pads_body_m[leg]).z;
+                    let down_m_s = motion.point_velocity_ned_m_s(pad).z;
                     let limit_n = self.friction_coefficient * self.leg_force_n(depth_m, down_m_s).max(0.0);
                     let stretch = within(place.xy() - anchor, limit_n / self.stick_stiffness_n_m);
                     Some(place.xy() - stretch)
@@ -266,8 +265,8 @@ impl LandingGear {
         anchors: &Anchors,
     ) -> f64 {
         let mut energy_j = 0.0;
-        for leg in 0..self.legs() {
-            let place = motion.point_ned_m(pads_body_m[leg]);
+        for (leg, &pad) in pads_body_m.iter().enumerate().take(self.legs()) {
+            let place = motion.point_ned_m(pad);
             let depth_m = (place.z - ground_down_m).max(0.0);
             let beyond_m = (depth_m - self.stroke_m).max(0.0);
             energy_j += 0.5 * self.stiffness_n_m * depth_m * depth_m

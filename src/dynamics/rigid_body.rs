@@ -30,7 +30,7 @@
 use super::Load;
 use super::mass::{FlowTerms, MassProperties};
 use super::slosh::{Coupling, Mode, SloshState};
-use crate::frame::{Mat3, Vec3, skew};
+use crate::frame::{Mat3, Vec3};
 use nalgebra::Vector2;
 
 /// Everything the balance of momentum needs at one instant.
@@ -222,16 +222,20 @@ impl Terms {
             load.force_body_n -= relative_acceleration.cross(&s_e)
                 + rate.cross(&velocity_moment)
                 + w.cross(&velocity_moment) * 2.0;
-            let relative_momentum = i_e * rate;
+            let relative_momentum = times(&i_e, rate);
             // (W~ I - I W~) w = W×(I w) - I (W×w)
-            load.moment_body_n_m -= i_e * (relative_acceleration - rate.cross(&w))
+            load.moment_body_n_m -= times(&i_e, relative_acceleration - rate.cross(&w))
                 + (rate + w).cross(&relative_momentum)
-                + rate.cross(&(i_e * w));
+                + rate.cross(&times(&i_e, w));
             engine = Some(deflected);
         }
         if let Some((mode, state)) = balance.slosh.filter(|(mode, _)| mode.coupling == Coupling::TwoWay) {
-            let axis = Vec3::new(0.0, 0.0, mode.station_z_body_m);
-            body = body.with_moved_mass(mode.mass_kg, axis, slosh_place(mode, state));
+            // A point mass taken from (0, 0, z) and put at (x, y, z).
+            let (m_s, r) = (mode.mass_kg, slosh_place(mode, state));
+            let (x, y) = (m_s * r.x, m_s * r.y);
+            body.first_moment_kg_m += Vec3::new(x, y, 0.0);
+            let (xx, yy, xy, xz, yz) = (y * r.y, x * r.x, -x * r.y, -x * r.z, -y * r.z);
+            body.inertia_kg_m2 += Mat3::new(xx, xy, xz, xy, yy, yz, xz, yz, xx + yy);
         }
         Self { body, load, engine }
     }
@@ -242,16 +246,16 @@ fn deflect(swing: &Swing) -> (Engine, Vec3) {
     // In FRD the angles are a = -gimbal_x about x and b = -gimbal_y about y, E = Ry(b) Rx(a), hence
     // W = Ry(b) (a', 0, 0) + (0, b', 0).
     let gimbal = &swing.gimbal;
-    let (sb, cb) = libm::sincos(-gimbal.angle_rad.y);
     let (a1, b1) = (-gimbal.rate_rad_s.x, -gimbal.rate_rad_s.y);
     let (a2, b2) = (-gimbal.acceleration_rad_s2.x, -gimbal.acceleration_rad_s2.y);
+    let e = body_from_engine(gimbal.angle_rad);
+    let (cb, sb) = (e[(0, 0)], -e[(2, 0)]);
     let rate = Vec3::new(a1 * cb, b1, -a1 * sb);
     let acceleration = Vec3::new(a2 * cb - a1 * b1 * sb, b2, -a2 * sb - a1 * b1 * cb);
-    let e = body_from_engine(gimbal.angle_rad);
     let engine = Engine {
         rate,
-        first_moment: e * swing.part.first_moment_kg_m,
-        inertia: e * swing.part.inertia_kg_m2 * e.transpose(),
+        first_moment: times(&e, swing.part.first_moment_kg_m),
+        inertia: product(&product(&e, &swing.part.inertia_kg_m2), &e.transpose()),
     };
     (engine, acceleration)
 }
@@ -276,12 +280,13 @@ fn coupled(balance: &Balance) -> Acceleration {
     let w = balance.rate_body_rad_s;
 
     let mut force =
-        terms.load.force_body_n - w.cross(&w.cross(&s)) - w.cross(&balance.flow.momentum_body_kg_m_s) * 2.0;
-    let mut moment = terms.load.moment_body_n_m - w.cross(&(i * w)) - balance.flow.jet_damping_kg_m2_s * w;
+        terms.load.force_body_n - w.cross(&(w.cross(&s) + balance.flow.momentum_body_kg_m_s * 2.0));
+    let mut moment =
+        terms.load.moment_body_n_m - w.cross(&times(&i, w)) - times(&balance.flow.jet_damping_kg_m2_s, w);
 
-    // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment.
+    // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment, with C = -S~ by columns.
     let mut a = Vec3::new(m, m, m);
-    let mut c = -skew(s);
+    let mut c = [Vec3::new(0.0, -s.z, s.y), Vec3::new(s.z, 0.0, -s.x), Vec3::new(-s.y, s.x, 0.0)];
     let mut d = i;
 
     // The slosh rows say r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out
@@ -296,23 +301,33 @@ fn coupled(balance: &Balance) -> Acceleration {
         moment -= r.cross(&load);
         a.x -= m_s;
         a.y -= m_s;
-        c += Mat3::new(0.0, -r.z, r.y, r.z, 0.0, -r.x, 0.0, 0.0, 0.0) * m_s;
-        let (zz, zx, zy) = (r.z * r.z, r.z * r.x, r.z * r.y);
-        d -= Mat3::new(zz, 0.0, -zx, 0.0, zz, -zy, -zx, -zy, r.x * r.x + r.y * r.y) * m_s;
+        let q = r * m_s;
+        c[0].y += q.z;
+        c[1].x -= q.z;
+        c[2] += Vec3::new(q.y, -q.x, 0.0);
+        let (zz, zx, zy) = (q.z * r.z, q.z * r.x, q.z * r.y);
+        d -= Mat3::new(zz, 0.0, -zx, 0.0, zz, -zy, -zx, -zy, q.x * r.x + q.y * r.y);
         (r, free, restoring * -m_s)
     });
 
     if !(a.x > 0.0 && a.z > 0.0) {
         return Acceleration::SINGULAR;
     }
-    let inverse = Vec3::new(1.0 / a.x, 1.0 / a.y, 1.0 / a.z);
-    let scaled = Mat3::from_diagonal(&inverse) * c; // diag(a)⁻¹ C
-    let transposed = c.transpose();
-    let right = moment - transposed * force.component_mul(&inverse);
-    let Some(angular) = solve_positive_definite(&(d - transposed * scaled), &right) else {
+    // A = diag(a)⁻¹ (force - C w'), so (D - Cᵀ diag(a)⁻¹ C) w' = moment - Cᵀ diag(a)⁻¹ force.
+    let lateral_inverse = 1.0 / a.x;
+    let inverse = Vec3::new(lateral_inverse, lateral_inverse, 1.0 / a.z);
+    let scaled = c.map(|column| column.component_mul(&inverse));
+    for row in 0..3 {
+        for column in 0..=row {
+            d[(row, column)] -= c[row].dot(&scaled[column]);
+        }
+    }
+    moment -= Vec3::new(scaled[0].dot(&force), scaled[1].dot(&force), scaled[2].dot(&force));
+    let Some(angular) = solve_positive_definite(&d, &moment) else {
         return Acceleration::SINGULAR;
     };
-    let specific_force = force.component_mul(&inverse) - scaled * angular;
+    let specific_force = force.component_mul(&inverse)
+        - (scaled[0] * angular.x + scaled[1] * angular.y + scaled[2] * angular.z);
     if !(specific_force.norm_squared() + angular.norm_squared()).is_finite() {
         return Acceleration::SINGULAR;
     }
@@ -345,13 +360,31 @@ fn one_way(balance: &Balance, mode: &Mode, state: &SloshState) -> Acceleration {
     }
 }
 
-/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k` by its L D Lᵀ factors; `None` otherwise.
+/// Matrix times vector, written out: in this inner loop the general product takes several times as long.
+fn times(m: &Mat3, v: Vec3) -> Vec3 {
+    Vec3::new(
+        m[(0, 0)] * v.x + m[(0, 1)] * v.y + m[(0, 2)] * v.z,
+        m[(1, 0)] * v.x + m[(1, 1)] * v.y + m[(1, 2)] * v.z,
+        m[(2, 0)] * v.x + m[(2, 1)] * v.y + m[(2, 2)] * v.z,
+    )
+}
+
+/// Matrix times matrix, by columns.
+fn product(a: &Mat3, b: &Mat3) -> Mat3 {
+    let column = |j: usize| times(a, Vec3::new(b[(0, j)], b[(1, j)], b[(2, j)]));
+    Mat3::from_columns(&[column(0), column(1), column(2)])
+}
+
+/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k`, of which it reads the lower triangle, by
+/// its L D Lᵀ factors; `None` otherwise.
 fn solve_positive_definite(k: &Mat3, b: &Vec3) -> Option<Vec3> {
     let d0 = k[(0, 0)];
-    let (l10, l20) = (k[(1, 0)] / d0, k[(2, 0)] / d0);
+    let per_d0 = 1.0 / d0;
+    let (l10, l20) = (k[(1, 0)] * per_d0, k[(2, 0)] * per_d0);
     let d1 = k[(1, 1)] - l10 * k[(1, 0)];
+    let per_d1 = 1.0 / d1;
     let t21 = k[(2, 1)] - l20 * k[(1, 0)];
-    let l21 = t21 / d1;
+    let l21 = t21 * per_d1;
     let d2 = k[(2, 2)] - l20 * k[(2, 0)] - l21 * t21;
     if !(d0 > 0.0 && d1 > 0.0 && d2 > 0.0) {
         return None;
@@ -359,6 +392,6 @@ fn solve_positive_definite(k: &Mat3, b: &Vec3) -> Option<Vec3> {
     let y1 = b.y - l10 * b.x;
     let y2 = b.z - l20 * b.x - l21 * y1;
     let z = y2 / d2;
-    let y = y1 / d1 - l21 * z;
-    Some(Vec3::new(b.x / d0 - l10 * y - l20 * z, y, z))
+    let y = y1 * per_d1 - l21 * z;
+    Some(Vec3::new(b.x * per_d0 - l10 * y - l20 * z, y, z))
 }
