@@ -29,7 +29,7 @@ const LONGITUDE_RAD: f64 = -1.406_211_8;
 const NORTH_M: f64 = 6_350_090.0;
 const EAST_M: f64 = 5_609_350.0;
 const FIELD_NED_T: Vec3 = Vec3::new(2.39e-5, -2.6e-6, 3.86e-5);
-const IMU_BODY_M: Vec3 = Vec3::new(0.0, 0.010, -1.25);
+pub const IMU_BODY_M: Vec3 = Vec3::new(0.0, 0.010, -1.25);
 const ANTENNA_BODY_M: Vec3 = Vec3::new(0.0, -0.10, -1.32);
 const ALTIMETER_BODY_M: Vec3 = Vec3::new(0.15, 0.0, -0.05);
 
@@ -125,7 +125,10 @@ pub struct Noise(u64);
 
 impl Noise {
     pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03)
+        // Hashed, since seeds a multiple of the increment apart would give shifts of one sequence.
+        let z = (seed ^ 0xD1B5_4A32_D192_ED03).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 31)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        Self(z ^ (z >> 29))
     }
 
     pub fn uniform(&mut self) -> f64 {
@@ -329,6 +332,10 @@ impl Plant {
             gust: Vec3::zeros(),
             sensors,
         }
+    }
+
+    pub fn gyro_bias(&self) -> Vec3 {
+        self.sensors.gyro_bias
     }
 
     pub fn time_s(&self) -> f64 {
