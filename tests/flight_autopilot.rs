@@ -3,6 +3,8 @@
 //! Limits at first contact are those of the landing gear: 1.0 m/s down, 0.5 m/s sideways, 5 degrees; the
 //! control error (estimate against target) has to stay within 0.5 m.
 
+#![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
+
 mod autopilot_plant;
 
 use autopilot_plant::{Conditions, Plant, Touchdown, parameters};
@@ -49,7 +51,7 @@ fn fly(mission: Mission, conditions: Conditions, trace: bool) -> Flight {
                 eprintln!("{:7.3} phase {}", plant.time_s(), phase.name());
             }
         }
-        if trace && plant.steps % 1000 == 0 {
+        if trace && plant.steps.is_multiple_of(1000) {
             let r = autopilot.reference();
             eprintln!(
                 "{:7.2} {:9} h {:6.2} ref {:6.2} v {:5.2} ref {:5.2} | pos {:6.2} {:6.2} err {:5.2} {:5.2} {:5.2} | tilt {:5.2} rates {:6.3} {:6.3} {:6.3} | T {:5.0} cmd {:?} trim {:5.3} m {:6.2}/{:6.2} g {:5.2} {:5.2} roll {:4.1} slosh {:.4}",

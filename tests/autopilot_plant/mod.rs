@@ -524,7 +524,7 @@ impl Plant {
         white.z *= 0.3;
         self.gust += -self.gust * (STEP_S / 2.0) + white * drive;
         let t = self.time_s() - 25.0;
-        if self.conditions.wind_m_s > 0.0 && (0.0..2.0).contains(&t) && self.steps % 2 == 0 {
+        if self.conditions.wind_m_s > 0.0 && (0.0..2.0).contains(&t) && self.steps.is_multiple_of(2) {
             // Added as a rate so that it blends with the process: 3 m/s at the peak.
             let direction = self.wind.normalize();
             let rate = 3.0 * 0.5 * core::f64::consts::PI * libm::sin(core::f64::consts::PI * t);
@@ -576,7 +576,7 @@ impl Plant {
         });
         let r = *self.q.to_rotation_matrix().matrix();
         let at = |body: Vec3| self.position_ned_m + r * body;
-        if tick % 25 == 0 {
+        if tick.is_multiple_of(25) {
             let rtk = self.conditions.rtk;
             let (position, drift, velocity) = if rtk {
                 ([0.010, 0.015], [0.010, 0.015], [0.03, 0.05])
@@ -609,7 +609,7 @@ impl Plant {
                 s.gnss.push_back((us + if rtk { 100_000 } else { 120_000 }, fix));
             }
         }
-        if tick % 5 == 0 {
+        if tick.is_multiple_of(5) {
             let height = 3.0 - at(IMU_BODY_M).z + s.baro_bias_m + s.noise.normal(0.21);
             let sample =
                 BarometerSample { pressure_pa: 101_325.0, pressure_altitude_m: height, temperature_k: 288.0 };
