@@ -79,7 +79,7 @@ impl ThrustMap {
 
 /// Interval of a rising grid that holds `x`, and the share of it; clamped to the ends.
 fn bracket(grid: &[f64], x: f64) -> (usize, f64) {
-    if grid.len() < 2 || !(x > grid[0]) {
+    if grid.len() < 2 || x.is_nan() || x <= grid[0] {
         return (0, 0.0);
     }
     let upper = grid.partition_point(|&g| g < x).clamp(1, grid.len() - 1);

@@ -66,14 +66,22 @@ pub struct ReferenceGenerator {
 impl ReferenceGenerator {
     /// At rest on the pad, pivot at `rest_ned_m`.
     pub fn at_rest(rest_ned_m: Vec3, heading_rad: f64) -> Self {
-        Self::moving(rest_ned_m, heading_rad, rest_ned_m, Vec3::zeros())
+        Self::moving(
+            rest_ned_m,
+            &Reference { position_ned_m: rest_ned_m, heading_rad, ..Reference::default() },
+        )
     }
 
-    /// Starting from a motion under way: the hand-over in flight.
-    pub fn moving(rest_ned_m: Vec3, heading_rad: f64, position: Vec3, velocity: Vec3) -> Self {
-        let now = Motion { position, velocity, acceleration: Vec3::zeros() };
-        // The window is filled with the past of a uniform motion, so that its mean lags by half a window only.
-        Self { now, window: [now; WINDOW], cursor: 0, rest_ned_m, heading_rad }
+    /// Starting from a motion under way: the hand-over in flight. The first reference is that motion.
+    pub fn moving(rest_ned_m: Vec3, start: &Reference) -> Self {
+        let (p, v, a) = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2);
+        let at =
+            |t: f64| Motion { position: p + v * t + a * (0.5 * t * t), velocity: v + a * t, acceleration: a };
+        // The mean of the window lies at its middle: the unsmoothed motion runs half a window ahead.
+        let step_s = WINDOW_S / WINDOW as f64;
+        let middle = 0.5 * (WINDOW - 1) as f64;
+        let window = core::array::from_fn(|k| at((k as f64 - middle) * step_s));
+        Self { now: at(middle * step_s), window, cursor: 0, rest_ned_m, heading_rad: start.heading_rad }
     }
 
     /// Smoothed reference.
@@ -212,7 +220,8 @@ mod tests {
     fn descent_reaches_the_terminal_speed_at_the_terminal_height() {
         let mission = Mission::default();
         let above = REST - Vec3::new(0.0, 0.0, 50.0);
-        let mut generator = ReferenceGenerator::moving(REST, 0.0, above, Vec3::zeros());
+        let mut generator =
+            ReferenceGenerator::moving(REST, &Reference { position_ned_m: above, ..Reference::default() });
         while REST.z - generator.reference().position_ned_m.z > mission.terminal_height_m {
             generator.step(&mission, Phase::Descent, 0.004);
         }
@@ -224,7 +233,10 @@ mod tests {
     fn a_motion_under_way_is_braked_and_led_to_the_target() {
         let mission = Mission { target_north_east_m: [8.0, -3.0], ..Mission::default() };
         let start = REST + Vec3::new(-2.0, 1.0, -20.0);
-        let mut generator = ReferenceGenerator::moving(REST, 0.0, start, Vec3::new(-3.0, 2.0, 4.0));
+        let velocity_ned_m_s = Vec3::new(-3.0, 2.0, 4.0);
+        let under_way = Reference { position_ned_m: start, velocity_ned_m_s, ..Reference::default() };
+        let mut generator = ReferenceGenerator::moving(REST, &under_way);
+        assert!((generator.reference().position_ned_m - start).norm() < 1e-12);
         for _ in 0..6000 {
             generator.step(&mission, Phase::Hover, 0.004);
         }

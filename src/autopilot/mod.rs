@@ -260,7 +260,22 @@ impl Autopilot {
             self.parameters.mission.target_north_east_m = [position.x - rest.x, position.y - rest.y];
         }
         let heading = heading_rad(&self.navigation.q_ned_from_body());
-        self.generator = ReferenceGenerator::moving(rest, heading, position, velocity);
+        let q = self.navigation.q_ned_from_body();
+        let mut acceleration = q * self.navigation.specific_force_body_m_s2();
+        acceleration.z += self.parameters.navigation.gravity_m_s2;
+        let mission = &self.parameters.mission;
+        let most = Vec3::new(
+            mission.lateral_acceleration_m_s2,
+            mission.lateral_acceleration_m_s2,
+            mission.acceleration_m_s2,
+        );
+        let under_way = Reference {
+            position_ned_m: position,
+            velocity_ned_m_s: velocity,
+            acceleration_ned_m_s2: acceleration.zip_map(&most, |a, most| a.clamp(-most, most)),
+            heading_rad: heading,
+        };
+        self.generator = ReferenceGenerator::moving(rest, &under_way);
         self.controller = Controller::resume(self.held_torque_xy_n_m, self.drag_ne_m_s2.map(|a| -a));
         self.allocation = Allocation::resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
         self.sequence.enter(phase, elapsed_s);

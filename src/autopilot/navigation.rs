@@ -30,6 +30,9 @@ const BARO: usize = 15;
 const DRIFT: usize = 16;
 const HEADING: usize = 19;
 
+/// Walk of the magnetometer's heading error as the body tilts [rad per √s].
+const HEADING_WALK_RAD_SQRT_S: f64 = 1e-3;
+
 type Covariance = SMatrix<f64, STATES, STATES>;
 type Row = SVector<f64, STATES>;
 
@@ -277,14 +280,16 @@ impl Navigation {
                 c[(i, i)] = std * std;
             }
         };
-        set(P, 3, 0.01);
+        set(P, 3, 0.005);
         set(V, 3, 0.02);
         set(BG, 3, 0.2 * p.gyroscope[1]);
         set(BA, 3, p.accelerometer[1]);
         set(BARO, 1, 0.1);
         set(DRIFT, 2, p.gnss.position_std_m[0] / fixes.sqrt() + 0.1 * p.gnss.drift_std_m[0]);
         set(DRIFT + 2, 1, p.gnss.position_std_m[1] / fixes.sqrt() + 0.1 * p.gnss.drift_std_m[1]);
-        let heading_bias = self.heading_std_rad(1);
+        let dip = p.magnetic_field_ned_t.map_or(0.0, |b| b.z / libm::hypot(b.x, b.y).max(1e-6));
+        let levelling = dip * p.accelerometer[1] / p.gravity_m_s2;
+        let heading_bias = libm::hypot(self.heading_std_rad(1), levelling);
         set(HEADING, 1, heading_bias.max(1e-4));
         set(TH, 3, 2e-3);
         c[(TH + 2, TH + 2)] = heading_bias * heading_bias + 1e-4;
@@ -308,6 +313,11 @@ impl Navigation {
                 c[(BA + j, TH + i)] = cross[(i, j)];
             }
         }
+        // The pivot stands where it stands: a wrong tilt displaces the unit above it, and the antenna, whose
+        // mean fix was taken for the origin, by as much as the drift then has to make up for.
+        let q = self.now.q_ned_from_body;
+        displace(&mut c, P, -skew(q * p.imu_body_m));
+        displace(&mut c, DRIFT, skew(q * p.gnss.antenna_body_m));
         c
     }
 
@@ -409,6 +419,7 @@ impl Navigation {
             c[(BA + i, BA + i)] += p.accelerometer[2] * p.accelerometer[2] * dt_s;
             c[(DRIFT + i, DRIFT + i)] += drift(p.gnss.drift_std_m[usize::from(i == 2)]);
         }
+        c[(HEADING, HEADING)] += HEADING_WALK_RAD_SQRT_S * HEADING_WALK_RAD_SQRT_S * dt_s;
         c[(BARO, BARO)] += p.barometer_m[1] * p.barometer_m[1] * dt_s;
     }
 
@@ -508,11 +519,17 @@ impl Navigation {
             self.fuse(&h, -self.now.velocity_ned_m_s[i], 0.03 * 0.03, 10.0);
         }
         if standing == Standing::OnPad {
-            let here = self.parameters.rest_ned_m + self.now.q_ned_from_body * self.parameters.imu_body_m;
+            // The pivot is pinned; the unit above it moves with the tilt.
             for i in 0..3 {
+                let arm_ned = self.now.q_ned_from_body * self.parameters.imu_body_m;
+                let here = self.parameters.rest_ned_m + arm_ned;
+                let arm = skew(arm_ned);
                 let mut h = Row::zeros();
                 h[P + i] = 1.0;
-                self.fuse(&h, here[i] - self.now.position_ned_m[i], 0.01 * 0.01, 10.0);
+                for j in 0..3 {
+                    h[TH + j] = arm[(i, j)];
+                }
+                self.fuse(&h, here[i] - self.now.position_ned_m[i], 0.005 * 0.005, 10.0);
             }
         }
     }
@@ -587,8 +604,8 @@ impl Navigation {
         }
         let angle = libm::atan2(reference.y * m.x - reference.x * m.y, reference.x * m.x + reference.y * m.y);
         let mut h = Row::zeros();
-        h[TH] = -m.z * m.x / horizontal;
-        h[TH + 1] = -m.z * m.y / horizontal;
+        // Heading only. A wrong tilt turns the dipping field's shadow too, but hard iron that turns with the
+        // body would pass for tilt: the heading bias, prior and walk, carries both.
         h[TH + 2] = 1.0;
         h[HEADING] = 1.0;
         let variance = square(1.3 * self.heading_std_rad(0));
@@ -615,14 +632,11 @@ impl Navigation {
         }
         let expected =
             self.expected_range_m(past.position_ned_m, &past.q_ned_from_body) + self.altimeter_offset_m;
-        let arm = past.q_ned_from_body * (p.altimeter_body_m - p.imu_body_m);
-        // range = height / cos: the lever's own height and the slant both change with tilt.
-        let beam = past.q_ned_from_body * Vec3::z();
+        // Tilt is left out of the sensitivity on purpose: a millimetre of offset or slope would be taken
+        // for milliradians of tilt, and its real effect is within the centimetre added to the noise.
         let mut h = Row::zeros();
         h[P + 2] = -1.0 / cosine;
         h[V + 2] = p.altimeter_delay_s / cosine;
-        h[TH] = (-arm.y + expected * beam.y * -1.0) / cosine;
-        h[TH + 1] = (arm.x + expected * beam.x) / cosine;
         let variance = square(p.altimeter[0]) + square(p.altimeter[1] * range_m) + 1e-4;
         if self.fuse(&h, range_m - expected, variance, 6.0) {
             self.altimeter_refused = 0;
@@ -701,6 +715,22 @@ impl Navigation {
     /// Counters.
     pub const fn health(&self) -> NavigationHealth {
         self.health
+    }
+}
+
+/// Adds `from_tilt · θ` to the three error states at `at` of a covariance: both sides of `T C Tᵀ`.
+fn displace(c: &mut Covariance, at: usize, from_tilt: SMatrix<f64, 3, 3>) {
+    for j in 0..STATES {
+        let moved = from_tilt * Vec3::new(c[(TH, j)], c[(TH + 1, j)], c[(TH + 2, j)]);
+        for i in 0..3 {
+            c[(at + i, j)] += moved[i];
+        }
+    }
+    for j in 0..STATES {
+        let moved = from_tilt * Vec3::new(c[(j, TH)], c[(j, TH + 1)], c[(j, TH + 2)]);
+        for i in 0..3 {
+            c[(j, at + i)] += moved[i];
+        }
     }
 }
 

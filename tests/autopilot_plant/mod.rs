@@ -29,7 +29,7 @@ const LONGITUDE_RAD: f64 = -1.406_211_8;
 const NORTH_M: f64 = 6_350_090.0;
 const EAST_M: f64 = 5_609_350.0;
 const FIELD_NED_T: Vec3 = Vec3::new(2.39e-5, -2.6e-6, 3.86e-5);
-const IMU_BODY_M: Vec3 = Vec3::new(0.0, 0.010, -1.25);
+pub const IMU_BODY_M: Vec3 = Vec3::new(0.0, 0.010, -1.25);
 const ANTENNA_BODY_M: Vec3 = Vec3::new(0.0, -0.10, -1.32);
 const ALTIMETER_BODY_M: Vec3 = Vec3::new(0.15, 0.0, -0.05);
 
@@ -125,7 +125,10 @@ pub struct Noise(u64);
 
 impl Noise {
     pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03)
+        // Hashed, since seeds a multiple of the increment apart would give shifts of one sequence.
+        let z = (seed ^ 0xD1B5_4A32_D192_ED03).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 31)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        Self(z ^ (z >> 29))
     }
 
     pub fn uniform(&mut self) -> f64 {
@@ -331,6 +334,10 @@ impl Plant {
         }
     }
 
+    pub fn gyro_bias(&self) -> Vec3 {
+        self.sensors.gyro_bias
+    }
+
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * STEP_S
     }
@@ -517,7 +524,7 @@ impl Plant {
         white.z *= 0.3;
         self.gust += -self.gust * (STEP_S / 2.0) + white * drive;
         let t = self.time_s() - 25.0;
-        if self.conditions.wind_m_s > 0.0 && (0.0..2.0).contains(&t) && self.steps % 2 == 0 {
+        if self.conditions.wind_m_s > 0.0 && (0.0..2.0).contains(&t) && self.steps.is_multiple_of(2) {
             // Added as a rate so that it blends with the process: 3 m/s at the peak.
             let direction = self.wind.normalize();
             let rate = 3.0 * 0.5 * core::f64::consts::PI * libm::sin(core::f64::consts::PI * t);
@@ -569,7 +576,7 @@ impl Plant {
         });
         let r = *self.q.to_rotation_matrix().matrix();
         let at = |body: Vec3| self.position_ned_m + r * body;
-        if tick % 25 == 0 {
+        if tick.is_multiple_of(25) {
             let rtk = self.conditions.rtk;
             let (position, drift, velocity) = if rtk {
                 ([0.010, 0.015], [0.010, 0.015], [0.03, 0.05])
@@ -602,7 +609,7 @@ impl Plant {
                 s.gnss.push_back((us + if rtk { 100_000 } else { 120_000 }, fix));
             }
         }
-        if tick % 5 == 0 {
+        if tick.is_multiple_of(5) {
             let height = 3.0 - at(IMU_BODY_M).z + s.baro_bias_m + s.noise.normal(0.21);
             let sample =
                 BarometerSample { pressure_pa: 101_325.0, pressure_altitude_m: height, temperature_k: 288.0 };
