@@ -86,7 +86,8 @@ impl Distribution {
     /// Empty.
     #[allow(clippy::new_without_default)]
     pub fn new() -> Self {
-        Self(Histogram::new(3).expect("three digits are within the histogram's 0 to 5"))
+        const LONGEST_NS: u64 = 100_000_000_000; // what is longer counts as this
+        Self(Histogram::new_with_max(LONGEST_NS, 3).expect("three digits, and a maximum above 2"))
     }
 
     /// Takes one duration [ns].
