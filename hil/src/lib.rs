@@ -1,16 +1,25 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
-//! Modules stand in dependency order: a module imports only from above itself.
+//! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
+//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`bench`] is the loop.
+
+// Files.
+pub mod load;
 
 // Bytes.
-#[cfg(target_os = "linux")]
+mod serial;
 pub mod link;
 pub mod mavlink;
-#[cfg(target_os = "linux")]
-mod serial;
 
 // Flight controllers and time.
-#[cfg(target_os = "linux")]
 pub mod pace;
-#[cfg(target_os = "linux")]
 pub mod profile;
+pub mod stream;
+
+// The run.
+pub mod live;
+pub mod bench;
+pub mod pilot;
+
+// The program.
+pub mod command;
