@@ -50,8 +50,6 @@ pub struct Options {
 pub struct Belief {
     /// Phase of the mission.
     pub phase: &'static str,
-    /// Where it believes the pivot to be [m].
-    pub position_ned_m: hopbench::frame::Vec3,
     /// Where it wants it to be [m].
     pub reference_ned_m: hopbench::frame::Vec3,
 }
@@ -302,10 +300,7 @@ impl<'a> Bench<'a> {
         self.flight.shadow(&self.command);
         if let Some(belief) = self.belief.and_then(|belief| belief()) {
             self.flight.note_phase(belief.phase);
-            self.flight.set_reference(belief.reference_ned_m);
-            if self.flight.has_touched_down() {
-                self.flight.set_estimate_at_touchdown(belief.position_ned_m);
-            }
+            self.flight.set_reference_elsewhere(Some(belief.reference_ned_m));
         }
     }
 
@@ -361,18 +356,19 @@ impl<'a> Bench<'a> {
     fn take_controls(&mut self, frame: &ControlsFrame) {
         let controls = &self.scenario.vehicle.controls;
         let armed = frame.armed();
-        let command = match controls.command(&frame.controls, armed, self.options.profile.throttle, &self.scale) {
-            // Disarmed, the channels mean nothing.
-            _ if !armed => ActuatorCommand::SAFE,
-            Ok(command) => command,
-            Err(fault) => {
-                if self.fc.rejected == 0 {
-                    self.live.notice(format!("controls refused, the last command holds: {fault}"));
+        let command =
+            match controls.command(&frame.controls, armed, self.options.profile.throttle, &self.scale) {
+                // Disarmed, the channels mean nothing.
+                _ if !armed => ActuatorCommand::SAFE,
+                Ok(command) => command,
+                Err(fault) => {
+                    if self.fc.rejected == 0 {
+                        self.live.notice(format!("controls refused, the last command holds: {fault}"));
+                    }
+                    self.fc.rejected += 1;
+                    return;
                 }
-                self.fc.rejected += 1;
-                return;
-            }
-        };
+            };
         let (now, now_ns) = (self.flight.time(), now_ns());
         if self.fc.first.is_none() {
             self.fc.first = Some(now);
@@ -439,7 +435,10 @@ impl<'a> Bench<'a> {
         let silent = if self.in_lockstep() {
             format!("{} ms waited in lockstep", self.fc.waited.as_millis())
         } else {
-            format!("{:.0} ms without HIL_ACTUATOR_CONTROLS", self.flight.time().since(self.fc.heard).s() * 1e3)
+            format!(
+                "{:.0} ms without HIL_ACTUATOR_CONTROLS",
+                self.flight.time().since(self.fc.heard).s() * 1e3
+            )
         };
         let silent = match self.fc.rejected {
             0 => silent,
@@ -453,6 +452,7 @@ impl<'a> Bench<'a> {
             OnFcLoss::Cut => self.command = ActuatorCommand::SAFE,
             OnFcLoss::Autopilot => {
                 self.flight.autopilot().take_over();
+                self.flight.set_reference_elsewhere(None);
                 self.flight.set_source(Source::Autopilot);
                 self.flight.event("handover", "the built-in autopilot flies".to_owned());
                 self.live.notice("the built-in autopilot flies".to_owned());
@@ -516,7 +516,7 @@ pub fn scale(scenario: &Scenario) -> Scale {
     let vehicle = &scenario.vehicle;
     Scale {
         thrust_rated_n: vehicle.rating.thrust_rated_n,
-        valve_open_rad: vehicle.engine.valve_open_rad(),
+        valve_open_rad: vehicle.valve_servo.upper_rad,
         gimbal_limit_rad: vehicle.gimbal.limit_rad,
     }
 }

@@ -7,9 +7,9 @@
 pub mod load;
 
 // Bytes.
-mod serial;
 pub mod link;
 pub mod mavlink;
+mod serial;
 
 // Flight controllers and time.
 pub mod pace;
@@ -17,8 +17,8 @@ pub mod profile;
 pub mod stream;
 
 // The run.
-pub mod live;
 pub mod bench;
+pub mod live;
 pub mod pilot;
 
 // The program.

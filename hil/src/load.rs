@@ -79,11 +79,7 @@ fn vehicle_of(path: &Path, document: &Document) -> Result<Vehicle, InputError> {
 }
 
 /// A scenario with its vehicle and schedule; `commands` replaces the schedule that the file names.
-pub fn scenario(
-    path: &Path,
-    overrides: &Overrides,
-    commands: Option<&Path>,
-) -> Result<Scenario, InputError> {
+pub fn scenario(path: &Path, overrides: &Overrides, commands: Option<&Path>) -> Result<Scenario, InputError> {
     let mut flight = document(path)?;
     let mut vehicle_overrides = Vec::new();
     for (key, value) in pairs(overrides)? {

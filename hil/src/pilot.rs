@@ -120,7 +120,6 @@ impl Pilot {
     fn belief(&self) -> Belief {
         Belief {
             phase: self.autopilot.phase().name(),
-            position_ned_m: self.autopilot.estimate().position_ned_m,
             reference_ned_m: self.autopilot.reference().position_ned_m,
         }
     }

@@ -7,7 +7,8 @@ use hopbench::signal::Measurement;
 use hopbench::time::SimTime;
 
 use crate::mavlink::measurement::{
-    TrueState, distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry, pressure,
+    TrueState, distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry,
+    pressure,
 };
 use crate::mavlink::{
     Command, Encoder, FromFc, HIL_STATE_QUATERNION_ID, MavMessage, RESULT_ACCEPTED, RESULT_UNSUPPORTED,

@@ -156,7 +156,16 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     );
     println!(
         "{:>9} {:>10} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>9} {:>7}",
-        "valve deg", "area mm2", "N2O kg/s", "fuel kg/s", "O/F", "Pc bar", "P2 bar", "quality", "thrust N", "Isp s"
+        "valve deg",
+        "area mm2",
+        "N2O kg/s",
+        "fuel kg/s",
+        "O/F",
+        "Pc bar",
+        "P2 bar",
+        "quality",
+        "thrust N",
+        "Isp s"
     );
     for p in &points {
         println!(

@@ -150,7 +150,12 @@ pub fn summary(report: &Report) -> String {
     let p = &report.propellant;
     line(format!(
         "used           N2O {:.3} kg ({:.3} left), fuel {:.3} kg ({:.3} left), nitrogen {:.3} kg by thrusters, {:.3} vented",
-        p.nitrous_used_kg, p.nitrous_left_kg, p.fuel_used_kg, p.fuel_left_kg, p.nitrogen_rcs_kg, p.nitrogen_vented_kg
+        p.nitrous_used_kg,
+        p.nitrous_left_kg,
+        p.fuel_used_kg,
+        p.fuel_left_kg,
+        p.nitrogen_rcs_kg,
+        p.nitrogen_vented_kg
     ));
     let m = &report.mass;
     line(format!(
