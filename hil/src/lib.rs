@@ -1,4 +1,25 @@
-//! `hopbench-hil`: everything that touches the world.
-#![allow(missing_docs)]
-pub mod command;
+//! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
+//!
+//! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
+//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`bench`] is the loop.
+
+// Files.
 pub mod load;
+
+// Bytes.
+pub mod link;
+pub mod mavlink;
+mod serial;
+
+// Flight controllers and time.
+pub mod pace;
+pub mod profile;
+pub mod stream;
+
+// The run.
+pub mod bench;
+pub mod live;
+pub mod pilot;
+
+// The program.
+pub mod command;

@@ -44,6 +44,7 @@ pub struct Flight {
     hash: Fnv,
     steps: u64,
     estimate_at_touchdown: Option<Vec3>,
+    reference_elsewhere_ned_m: Option<Vec3>,
 }
 
 /// What a bench may ask of the sensors beyond the scenario.
@@ -110,6 +111,7 @@ impl Flight {
             hash: Fnv::default(),
             steps: 0,
             estimate_at_touchdown: None,
+            reference_elsewhere_ned_m: None,
         })
     }
 
@@ -160,8 +162,9 @@ impl Flight {
 
     /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
     fn hover_reference(&self) -> Option<Vec3> {
-        (self.source == Source::Autopilot && self.phase == Some("hover"))
-            .then(|| self.autopilot.reference().position_ned_m)
+        (self.source == Source::Autopilot && self.phase == Some("hover")).then(|| {
+            self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m)
+        })
     }
 
     fn touchdown_event(&mut self) {
@@ -276,6 +279,11 @@ impl Flight {
     /// end of a link; used for the errors at touchdown.
     pub fn set_estimate_at_touchdown(&mut self, position_ned_m: Vec3) {
         self.estimate_at_touchdown.get_or_insert(position_ned_m);
+    }
+
+    /// Position that an autopilot at the other end of a link wants to hold; `None`: the flight's own flies.
+    pub fn set_reference_elsewhere(&mut self, position_ned_m: Option<Vec3>) {
+        self.reference_elsewhere_ned_m = position_ned_m;
     }
 
     /// Whether first contact has been seen.

@@ -1,6 +1,72 @@
-//! placeholder
+//! `hopbench autopilot`: the built-in autopilot as a MAVLink flight controller of its own.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use anyhow::Result;
+use hopbench::autopilot::Autopilot;
+use hopbench::autopilot::allocation::ThrottleOutput;
+use hopbench::controls::ThrottleKind;
+use hopbench::environment::Environment;
+use hopbench::scenario::Scenario;
+use hopbench::simulation::{Instrumentation, outfit};
+
+use super::{Common, DEVICE_FAILED, DONE, hil};
+use crate::bench::scale;
+use crate::link::{Link, LinkSpec};
+use crate::load;
+use crate::pilot::Pilot;
+use crate::profile;
+
+/// Fly a plant at the other end of a MAVLink link with the built-in autopilot
 #[derive(Debug, clap::Args)]
-pub struct Args {}
-pub fn run(_a: &Args, _c: &super::Common) -> anyhow::Result<std::process::ExitCode> {
-    Ok(std::process::ExitCode::SUCCESS)
+pub struct Args {
+    /// Where the plant is: udp:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD, …
+    #[arg(long, value_name = "LINK")]
+    pub plant: LinkSpec,
+    /// Scenario whose vehicle, site and mission it is told
+    #[arg(long, value_name = "FILE", default_value = "scenarios/hop_50m.toml")]
+    pub scenario: PathBuf,
+    /// Profile that the plant was started with: it fixes the throttle's meaning and the delay of satellite navigation
+    #[arg(long, value_name = "PROFILE", default_value = "generic", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
+    pub profile: String,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    let scenario = load::scenario(&args.scenario, &common.set, None)?;
+    let profile = profile::named(&args.profile).unwrap_or(&profile::GENERIC);
+    let instruments = Instrumentation { imu_rate_hz: None, gnss_delay_s: profile.gnss_delay_s };
+    let mut pilot = pilot(&scenario, &instruments, profile.throttle)?;
+    let mut link = Link::open(&args.plant)?;
+    let stop = hil::stop_on_signal()?;
+    eprintln!("flying {} for the plant on {}", scenario.name, link.address());
+    let mut phase = "";
+    pilot.serve(
+        &mut link,
+        || stop.load(Ordering::Relaxed),
+        |belief| {
+            if belief.phase != phase {
+                phase = belief.phase;
+                eprintln!("{phase}");
+            }
+        },
+    );
+    if !pilot.has_flown() {
+        eprintln!("no HIL_SENSOR came from {}", link.address());
+        return Ok(ExitCode::from(DEVICE_FAILED));
+    }
+    Ok(ExitCode::from(DONE))
+}
+
+/// The built-in autopilot, told what a scenario's vehicle and mission are.
+pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: ThrottleKind) -> Result<Pilot> {
+    let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
+    let mut parameters = outfit::autopilot(scenario, &environment, instruments);
+    parameters.actuators.throttle_output = match scenario.vehicle.controls.speaks(throttle) {
+        ThrottleKind::Thrust => ThrottleOutput::Thrust,
+        ThrottleKind::Valve => ThrottleOutput::Valve,
+    };
+    Ok(Pilot::new(Autopilot::new(parameters), scenario.vehicle.controls.clone(), scale(scenario)))
 }

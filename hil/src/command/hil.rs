@@ -1,6 +1,263 @@
-//! placeholder
+//! `hopbench hil`: the bench.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use hopbench::input::{Fault, InputError};
+use hopbench::scenario::Scenario;
+use hopbench::simulation::{Flight, Instrumentation, Source};
+
+use super::fly::{summary, write_run};
+use super::{Common, DONE, UNEXPECTED, autopilot, print_json};
+use crate::bench::{Belief, Bench, Options};
+use crate::link::{Link, LinkSpec};
+use crate::live::Live;
+use crate::load;
+use crate::profile::{self, Budget, Pacing, Profile, SensorRates};
+
+/// Put a flight controller on the bench: the plant in real time or in lockstep, MAVLink on the wire
 #[derive(Debug, clap::Args)]
-pub struct Args {}
-pub fn run(_a: &Args, _c: &super::Common) -> anyhow::Result<std::process::ExitCode> {
-    Ok(std::process::ExitCode::SUCCESS)
+pub struct Args {
+    /// Scenario file
+    pub scenario: PathBuf,
+    /// Flight controller: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or tcp-listen:HOST:PORT; absent: the built-in autopilot, over a loopback UDP link
+    #[arg(long, value_name = "LINK")]
+    pub fc: Option<LinkSpec>,
+    /// What the flight controller expects; by default what fits the link
+    #[arg(long, value_name = "PROFILE", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
+    pub profile: Option<String>,
+    /// Steps follow the wall clock
+    #[arg(long, conflicts_with = "lockstep")]
+    pub realtime: bool,
+    /// Each step waits for the answer to the last, and never runs ahead of real time
+    #[arg(long)]
+    pub lockstep: bool,
+    /// Lockstep may run ahead of real time
+    #[arg(long)]
+    pub fast: bool,
+    /// Longest wait for one answer in lockstep
+    #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=60_000))]
+    pub lockstep_timeout_ms: u64,
+    /// Rate of HIL_SENSOR; a divisor of 1000. By default the vehicle file's
+    #[arg(long, value_name = "HZ", value_parser = sensor_rate)]
+    pub sensor_hz: Option<u32>,
+    /// Write the addresses in use to this file, as JSON, once the bench listens
+    #[arg(long, value_name = "PATH")]
+    pub ready_file: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    let scenario = load::scenario(&args.scenario, &common.set, None)?;
+    if scenario.schedule.is_some() {
+        return Err(
+            load::unusable(&args.scenario, "a command schedule flies by itself: use `hopbench fly`").into()
+        );
+    }
+    if !scenario.file.sensors.enabled {
+        return Err(load::unusable(&args.scenario, "sensors.enabled = false leaves nothing to send").into());
+    }
+    let profile = chosen_profile(args);
+    let pacing = chosen_pacing(args, profile)?;
+    let instruments =
+        Instrumentation { imu_rate_hz: args.sensor_hz.map(f64::from), gnss_delay_s: profile.gnss_delay_s };
+    let live = Live::stderr();
+    let baud = check_budget(args, profile, &scenario, &live)?;
+    let seed = common.seed.unwrap_or(scenario.file.seed);
+    let mut flight = Flight::with(&scenario, seed, &instruments)
+        .map_err(|fault| load::contradiction(&args.scenario, fault))?;
+
+    let spec = match &args.fc {
+        Some(spec) => spec.clone(),
+        None => "udp-listen:127.0.0.1:0".parse()?,
+    };
+    let mut link = Link::open(&spec)?;
+    let stop = stop_on_signal()?;
+    let built_in = match &args.fc {
+        Some(_) => None,
+        None => Some(BuiltIn::start(&scenario, &instruments, profile, link.address())?),
+    };
+    if let Some(path) = &args.ready_file {
+        write_ready_file(path, &link)?;
+    }
+    live.notice(format!("{} on {}, profile {}", scenario.name, link.address(), profile.name));
+
+    let options = Options {
+        profile,
+        pacing,
+        fast: args.fast,
+        lockstep_timeout: Duration::from_millis(args.lockstep_timeout_ms),
+        source: if args.fc.is_some() { Source::Fc } else { Source::Autopilot },
+        baud,
+    };
+    let belief = || built_in.as_ref().and_then(BuiltIn::belief);
+    let (timing, link_report) =
+        Bench::new(&mut flight, &mut link, options, live).believing(&belief).run(&stop);
+    if let Some(built_in) = built_in {
+        built_in.join();
+    }
+
+    let mut report = flight.report(args.fc.is_some() && !scenario.file.fallback_expected);
+    report.timing = timing;
+    report.link = Some(link_report);
+    report.overrides = common.set.clone();
+    if let Some(folder) = &common.out {
+        write_run(folder, &mut report)?;
+    }
+    if common.json {
+        print_json(&report)?;
+    } else {
+        print!("{}", summary(&report));
+    }
+    Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
+}
+
+fn chosen_profile(args: &Args) -> &'static Profile {
+    let named = args.profile.as_deref().and_then(profile::named);
+    named.unwrap_or_else(|| args.fc.as_ref().map_or(&profile::GENERIC, profile::default_for))
+}
+
+fn chosen_pacing(args: &Args, profile: &Profile) -> Result<Pacing, InputError> {
+    let pacing = match (args.realtime, args.lockstep) {
+        (true, _) => Pacing::RealTime,
+        (_, true) => Pacing::Lockstep,
+        _ => profile.pacing,
+    };
+    if pacing == Pacing::Lockstep && !profile.lockstep_possible {
+        return Err(wrong("--lockstep", format!("profile {} answers on a clock of its own", profile.name)));
+    }
+    if args.fast && pacing != Pacing::Lockstep {
+        return Err(wrong("--fast", "only in lockstep: add --lockstep".to_owned()));
+    }
+    Ok(pacing)
+}
+
+/// Whether the profile fits the line; its baud rate, where there is one.
+fn check_budget(
+    args: &Args,
+    profile: &Profile,
+    scenario: &Scenario,
+    live: &Live,
+) -> Result<Option<u32>, InputError> {
+    let Some(LinkSpec::Serial { baud, .. }) = &args.fc else { return Ok(None) };
+    let sensors = &scenario.vehicle.sensors;
+    let rates = SensorRates {
+        imu_hz: args.sensor_hz.map_or(sensors.imu.rate_hz, f64::from),
+        gnss_hz: sensors.gnss.rate_hz,
+        altimeter_hz: sensors.altimeter.rate_hz,
+    };
+    match profile.budget(&rates, *baud) {
+        Budget::Fits { .. } => {}
+        Budget::Tight { load_percent } => live.notice(format!(
+            "{load_percent:.0} % of {baud} baud are taken at {:.0} Hz: expect jitter, or lower --sensor-hz",
+            rates.imu_hz
+        )),
+        Budget::Refused { load_percent, fitting_hz } => {
+            let advice = match fitting_hz {
+                Some(hz) => format!("--sensor-hz {hz:.0} fits, or a faster line"),
+                None => "no --sensor-hz fits: use a faster line".to_owned(),
+            };
+            let taken = format!(
+                "{load_percent:.0} % of {baud} baud would be taken by HIL_SENSOR at {:.0} Hz and what goes with it; {advice}",
+                rates.imu_hz
+            );
+            return Err(wrong("--fc", taken));
+        }
+    }
+    Ok(Some(*baud))
+}
+
+/// The built-in autopilot on a thread, at the other end of the bench's own link.
+struct BuiltIn {
+    thread: std::thread::JoinHandle<()>,
+    done: Arc<AtomicBool>,
+    belief: Arc<Mutex<Option<Belief>>>,
+}
+
+impl BuiltIn {
+    fn start(
+        scenario: &Scenario,
+        instruments: &Instrumentation,
+        profile: &Profile,
+        address: &str,
+    ) -> Result<Self> {
+        let plant: LinkSpec = address.replace("udp-listen:", "udp:").parse()?;
+        let mut pilot = autopilot::pilot(scenario, instruments, profile.throttle)?;
+        let mut link = Link::open(&plant)?;
+        let (done, belief) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(None)));
+        let (stop, told) = (Arc::clone(&done), Arc::clone(&belief));
+        let fly = move || {
+            let tell = |now| {
+                if let Ok(mut told) = told.lock() {
+                    *told = Some(now);
+                }
+            };
+            pilot.serve(&mut link, || stop.load(Ordering::Relaxed), tell);
+        };
+        let thread = std::thread::Builder::new().name("autopilot".to_owned()).spawn(fly)?;
+        Ok(Self { thread, done, belief })
+    }
+
+    fn belief(&self) -> Option<Belief> {
+        self.belief.lock().ok().and_then(|belief| *belief)
+    }
+
+    fn join(self) {
+        self.done.store(true, Ordering::Relaxed);
+        let _ = self.thread.join();
+    }
+}
+
+/// Set by Ctrl-C and by SIGTERM: the run ends with its report. A second one ends the program at once.
+pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let stop = Arc::new(AtomicBool::new(false));
+    let set = Arc::clone(&stop);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let (mut interrupt, mut terminate) = {
+        let _inside = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            loop {
+                tokio::select! {
+                    _ = interrupt.recv() => {}
+                    _ = terminate.recv() => {}
+                }
+                if set.swap(true, Ordering::Relaxed) {
+                    std::process::exit(130);
+                }
+            }
+        });
+    })?;
+    Ok(stop)
+}
+
+/// Whoever waits for the file never sees half of it.
+fn write_ready_file(path: &Path, link: &Link) -> Result<()> {
+    let text = serde_json::json!({ "fc": link.address() }).to_string() + "\n";
+    let mut half = path.as_os_str().to_owned();
+    half.push(".part");
+    std::fs::write(&half, text)
+        .and_then(|()| std::fs::rename(&half, path))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn sensor_rate(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(hz) if hz > 0 && 1000 % hz == 0 => Ok(hz),
+        _ => Err("allowed: the divisors of 1000".to_owned()),
+    }
+}
+
+fn wrong(key: &str, message: String) -> InputError {
+    InputError {
+        file: "command line".to_owned(),
+        faults: vec![Fault { line: None, key: key.to_owned(), message }],
+    }
 }

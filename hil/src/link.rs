@@ -1,0 +1,530 @@
+//! Bytes in, bytes out: UDP, TCP, serial and an in-memory pair. A link knows no message.
+//!
+//! The loop that steps the plant owns its link and never blocks on it: descriptors are non-blocking,
+//! [`Link::wait`] has a deadline, and what a slow peer does not take is kept in a bounded queue and then
+//! dropped by whole writes, counted. Sockets are read by the stepping thread itself, because a second
+//! thread in between costs two wake-ups per step; a serial port and the dialling of a TCP peer, which may
+//! block, live on threads of their own.
+
+use std::io::{self, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
+use std::os::unix::net::UnixStream;
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::serial;
+
+/// Bytes that wait for a slow peer; about a second of the fullest profile.
+const QUEUE_BYTES: usize = 64 * 1024;
+/// A `udp-listen` peer silent for this long gives way to whoever writes next.
+const PEER_SILENCE: Duration = Duration::from_secs(1);
+
+/// Where the other end is: the `LINK` of the command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LinkSpec {
+    /// `serial:PATH:BAUD`
+    Serial {
+        /// Device file.
+        path: String,
+        /// Symbols per second.
+        baud: u32,
+    },
+    /// `udp:HOST:PORT`, speaks first.
+    Udp(Host),
+    /// `udp-listen:HOST:PORT`, answers whoever writes.
+    UdpListen(Host),
+    /// `tcp:HOST:PORT`, dials and redials.
+    Tcp(Host),
+    /// `tcp-listen:HOST:PORT`, one client at a time.
+    TcpListen(Host),
+}
+
+/// Host and port; the host is the loopback unless given.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Host {
+    /// Name or address.
+    pub name: String,
+    /// Port; 0 lets the system choose one to listen on.
+    pub port: u16,
+}
+
+/// A `LINK` that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "\"{text}\" is no link: {reason}; expected serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, \
+     tcp:HOST:PORT or tcp-listen:HOST:PORT"
+)]
+pub struct LinkSpecError {
+    text: String,
+    reason: String,
+}
+
+/// A link that cannot be opened.
+#[derive(Debug, thiserror::Error)]
+#[error("{link}: {cause}")]
+pub struct LinkError {
+    /// The link as it was asked for.
+    pub link: String,
+    /// What the system says, and what to do about it.
+    pub cause: String,
+}
+
+/// What happened to a link besides bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Notice {
+    /// The other end is there.
+    Connected(String),
+    /// The other end is gone, and why.
+    Disconnected(String),
+    /// Somebody else knocked and was turned away.
+    Refused(String),
+}
+
+/// What a link has moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Bytes received.
+    pub received_bytes: u64,
+    /// Bytes handed to the system.
+    pub sent_bytes: u64,
+    /// Writes dropped since nobody was there.
+    pub dropped_no_peer: u64,
+    /// Writes dropped since the queue to a slow peer was full.
+    pub dropped_queue_full: u64,
+    /// Bytes or connections of somebody else, turned away.
+    pub refused: u64,
+}
+
+/// An open link.
+#[derive(Debug)]
+pub struct Link {
+    transport: Transport,
+    address: String,
+    /// Bytes a stream has not taken yet.
+    queue: Vec<u8>,
+    notices: Vec<Notice>,
+    counters: Counters,
+}
+
+#[derive(Debug)]
+enum Transport {
+    Udp {
+        socket: UdpSocket,
+        peer: Option<SocketAddr>,
+        listens: bool,
+        heard: Instant,
+    },
+    TcpListen {
+        listener: TcpListener,
+        stream: Option<TcpStream>,
+    },
+    TcpDial {
+        dialled: Receiver<TcpStream>,
+        redial: std::sync::mpsc::Sender<()>,
+        stream: Option<TcpStream>,
+    },
+    /// A serial port behind its thread, or the end of an in-memory pair.
+    Pipe {
+        stream: Option<UnixStream>,
+        events: Option<Receiver<serial::Event>>,
+        ready: bool,
+    },
+}
+
+impl LinkSpec {
+    /// The kind of link, as the command line spells it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Serial { .. } => "serial",
+            Self::Udp(_) => "udp",
+            Self::UdpListen(_) => "udp-listen",
+            Self::Tcp(_) => "tcp",
+            Self::TcpListen(_) => "tcp-listen",
+        }
+    }
+}
+
+impl std::str::FromStr for LinkSpec {
+    type Err = LinkSpecError;
+
+    fn from_str(text: &str) -> Result<Self, LinkSpecError> {
+        let error = |reason: String| LinkSpecError { text: text.to_owned(), reason };
+        let Some((kind, rest)) = text.split_once(':') else {
+            return Err(error("no kind before a colon".to_owned()));
+        };
+        let host = || -> Result<Host, LinkSpecError> {
+            let (name, port) = rest.rsplit_once(':').unwrap_or(("", rest));
+            let port = port.parse().map_err(|_| error(format!("\"{port}\" is no port, 0 to 65535")))?;
+            let name = name.trim_start_matches('[').trim_end_matches(']');
+            Ok(Host { name: if name.is_empty() { "127.0.0.1" } else { name }.to_owned(), port })
+        };
+        let dialled = |host: Host| -> Result<Host, LinkSpecError> {
+            if host.port == 0 { Err(error("port 0 is only for listening".to_owned())) } else { Ok(host) }
+        };
+        match kind {
+            "serial" => {
+                let Some((path, baud)) = rest.rsplit_once(':') else {
+                    return Err(error("no baud rate after the path".to_owned()));
+                };
+                let baud = baud.parse().ok().filter(|b| *b > 0);
+                let baud = baud.ok_or_else(|| error("the baud rate is no positive number".to_owned()))?;
+                if path.is_empty() {
+                    return Err(error("the path is empty".to_owned()));
+                }
+                Ok(Self::Serial { path: path.to_owned(), baud })
+            }
+            "udp" => Ok(Self::Udp(dialled(host()?)?)),
+            "udp-listen" => Ok(Self::UdpListen(host()?)),
+            "tcp" => Ok(Self::Tcp(dialled(host()?)?)),
+            "tcp-listen" => Ok(Self::TcpListen(host()?)),
+            _ => Err(error(format!("unknown kind \"{kind}\""))),
+        }
+    }
+}
+
+impl std::fmt::Display for LinkSpec {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Serial { path, baud } => write!(f, "serial:{path}:{baud}"),
+            Self::Udp(h) | Self::UdpListen(h) | Self::Tcp(h) | Self::TcpListen(h) => {
+                let bracket = h.name.contains(':');
+                let (open, close) = if bracket { ("[", "]") } else { ("", "") };
+                write!(f, "{}:{open}{}{close}:{}", self.kind(), h.name, h.port)
+            }
+        }
+    }
+}
+
+impl Host {
+    fn resolve(&self) -> io::Result<SocketAddr> {
+        let mut addresses = (self.name.as_str(), self.port).to_socket_addrs()?;
+        addresses.next().ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "the host has no address"))
+    }
+}
+
+impl Link {
+    /// Opens or starts to listen. Nobody needs to be at the other end yet.
+    pub fn open(spec: &LinkSpec) -> Result<Self, LinkError> {
+        let error = |cause: io::Error| LinkError { link: spec.to_string(), cause: explain(&cause) };
+        let kind = spec.kind();
+        let (transport, address) = match spec {
+            LinkSpec::Serial { path, baud } => {
+                let (stream, events) =
+                    serial::open(path, *baud).map_err(|cause| LinkError { link: spec.to_string(), cause })?;
+                (
+                    Transport::Pipe { stream: Some(stream), events: Some(events), ready: true },
+                    spec.to_string(),
+                )
+            }
+            LinkSpec::Udp(host) => {
+                let peer = host.resolve().map_err(error)?;
+                let any = if peer.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
+                // A loopback peer needs no socket that the network can reach.
+                let local = match (peer.ip().is_loopback(), peer.is_ipv4()) {
+                    (true, true) => "127.0.0.1:0",
+                    (true, false) => "[::1]:0",
+                    (false, _) => any,
+                };
+                let socket = UdpSocket::bind(local).map_err(error)?;
+                socket.set_nonblocking(true).map_err(error)?;
+                let transport =
+                    Transport::Udp { socket, peer: Some(peer), listens: false, heard: Instant::now() };
+                (transport, format!("{kind}:{peer}"))
+            }
+            LinkSpec::UdpListen(host) => {
+                let socket = UdpSocket::bind(host.resolve().map_err(error)?).map_err(error)?;
+                socket.set_nonblocking(true).map_err(error)?;
+                let bound = socket.local_addr().map_err(error)?;
+                let transport = Transport::Udp { socket, peer: None, listens: true, heard: Instant::now() };
+                (transport, format!("{kind}:{bound}"))
+            }
+            LinkSpec::Tcp(host) => {
+                let peer = host.resolve().map_err(error)?;
+                let (dialled, redial) = dial(peer);
+                (Transport::TcpDial { dialled, redial, stream: None }, format!("{kind}:{peer}"))
+            }
+            LinkSpec::TcpListen(host) => {
+                let listener = TcpListener::bind(host.resolve().map_err(error)?).map_err(error)?;
+                listener.set_nonblocking(true).map_err(error)?;
+                let bound = listener.local_addr().map_err(error)?;
+                (Transport::TcpListen { listener, stream: None }, format!("{kind}:{bound}"))
+            }
+        };
+        Ok(Self::over(transport, address))
+    }
+
+    /// Two ends of a link in memory.
+    pub fn pair() -> io::Result<(Self, Self)> {
+        let (a, b) = UnixStream::pair()?;
+        a.set_nonblocking(true)?;
+        b.set_nonblocking(true)?;
+        let end = |stream| Transport::Pipe { stream: Some(stream), events: None, ready: true };
+        Ok((Self::over(end(a), "memory".to_owned()), Self::over(end(b), "memory".to_owned())))
+    }
+
+    fn over(transport: Transport, address: String) -> Self {
+        Self { transport, address, queue: Vec::new(), notices: Vec::new(), counters: Counters::default() }
+    }
+
+    /// The link with the address actually bound, `udp-listen:127.0.0.1:14555`.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Whether somebody is there to be sent to.
+    pub fn has_peer(&self) -> bool {
+        match &self.transport {
+            Transport::Udp { peer, .. } => peer.is_some(),
+            Transport::TcpListen { stream, .. } | Transport::TcpDial { stream, .. } => stream.is_some(),
+            Transport::Pipe { stream, ready, .. } => stream.is_some() && *ready,
+        }
+    }
+
+    /// What has been moved so far.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// What has happened since the last call.
+    pub fn take_notices(&mut self) -> Vec<Notice> {
+        std::mem::take(&mut self.notices)
+    }
+
+    /// Appends what has arrived to `bytes`, at most about 64 KiB a call; never blocks.
+    pub fn receive(&mut self, bytes: &mut Vec<u8>) {
+        self.progress();
+        let mut buffer = [0; 4096];
+        for _ in 0..16 {
+            match self.read_once(&mut buffer) {
+                Some(0) => continue,
+                Some(length) => {
+                    self.counters.received_bytes += length as u64;
+                    bytes.extend_from_slice(&buffer[..length]);
+                }
+                None => return,
+            }
+        }
+    }
+
+    /// Sends, or queues, or drops and counts; never blocks. One call is one datagram on UDP.
+    pub fn send(&mut self, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
+        self.progress();
+        if !self.has_peer() {
+            self.counters.dropped_no_peer += 1;
+            return;
+        }
+        if let Transport::Udp { socket, peer: Some(peer), .. } = &self.transport {
+            match socket.send_to(bytes, *peer) {
+                Ok(_) => self.counters.sent_bytes += bytes.len() as u64,
+                Err(_) => self.counters.dropped_queue_full += 1,
+            }
+            return;
+        }
+        if self.queue.len() + bytes.len() > QUEUE_BYTES {
+            self.counters.dropped_queue_full += 1;
+            return;
+        }
+        self.queue.extend_from_slice(bytes);
+        self.flush();
+    }
+
+    /// Returns when something may have arrived, at the deadline at the latest.
+    pub fn wait(&mut self, deadline: Instant) {
+        let mut remaining = deadline.saturating_duration_since(Instant::now());
+        let mut fds = Vec::with_capacity(2);
+        match &self.transport {
+            Transport::Udp { socket, .. } => fds.push(PollFd::new(socket, PollFlags::IN)),
+            Transport::TcpListen { listener, stream } => {
+                fds.push(PollFd::new(listener, PollFlags::IN));
+                if let Some(stream) = stream {
+                    fds.push(PollFd::new(stream, PollFlags::IN));
+                }
+            }
+            Transport::TcpDial { stream: Some(stream), .. } => fds.push(PollFd::new(stream, PollFlags::IN)),
+            Transport::Pipe { stream: Some(stream), .. } => fds.push(PollFd::new(stream, PollFlags::IN)),
+            Transport::TcpDial { .. } | Transport::Pipe { .. } => {}
+        }
+        if fds.is_empty() {
+            // Whoever connects comes through a channel that cannot be polled.
+            remaining = remaining.min(Duration::from_millis(5));
+        }
+        let timeout =
+            Timespec { tv_sec: remaining.as_secs() as i64, tv_nsec: remaining.subsec_nanos().into() };
+        // An interrupted wait is an early return, which the caller has to expect anyway.
+        let _ = poll(&mut fds, Some(&timeout));
+    }
+
+    /// Accepts, notices who came and went, sends what is queued.
+    fn progress(&mut self) {
+        match &mut self.transport {
+            Transport::Udp { .. } => return,
+            Transport::TcpListen { listener, stream } => {
+                while let Ok((newcomer, address)) = listener.accept() {
+                    if stream.is_some() {
+                        self.counters.refused += 1;
+                        self.notices.push(Notice::Refused(address.to_string()));
+                    } else if prepare(&newcomer).is_ok() {
+                        *stream = Some(newcomer);
+                        self.queue.clear();
+                        self.notices.push(Notice::Connected(address.to_string()));
+                    }
+                }
+            }
+            Transport::TcpDial { dialled, stream, .. } => {
+                if stream.is_none()
+                    && let Ok(newcomer) = dialled.try_recv()
+                    && prepare(&newcomer).is_ok()
+                {
+                    let address = newcomer.peer_addr().map_or_else(|e| e.to_string(), |a| a.to_string());
+                    *stream = Some(newcomer);
+                    self.queue.clear();
+                    self.notices.push(Notice::Connected(address));
+                }
+            }
+            Transport::Pipe { events, ready, .. } => {
+                while let Some(Ok(event)) = events.as_ref().map(Receiver::try_recv) {
+                    match event {
+                        serial::Event::Opened => {
+                            *ready = true;
+                            self.notices.push(Notice::Connected(self.address.clone()));
+                        }
+                        serial::Event::Lost(why) => {
+                            *ready = false;
+                            self.notices.push(Notice::Disconnected(why));
+                        }
+                    }
+                }
+            }
+        }
+        self.flush();
+    }
+
+    /// `None`: nothing more for now. `Some(0)`: something that is no data.
+    fn read_once(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        let read = match &mut self.transport {
+            Transport::Udp { socket, peer, listens, heard } => {
+                let (length, from) = match socket.recv_from(buffer) {
+                    Ok(read) => read,
+                    // The peer's port is closed; it may open again.
+                    Err(e) if e.kind() == io::ErrorKind::ConnectionRefused => return Some(0),
+                    Err(_) => return None,
+                };
+                let now = Instant::now();
+                if *peer != Some(from) {
+                    let free = *listens && (peer.is_none() || now - *heard > PEER_SILENCE);
+                    if !free {
+                        self.counters.refused += 1;
+                        let refused = Notice::Refused(from.to_string());
+                        if !self.notices.contains(&refused) {
+                            self.notices.push(refused);
+                        }
+                        return Some(0);
+                    }
+                    *peer = Some(from);
+                    self.notices.push(Notice::Connected(from.to_string()));
+                }
+                *heard = now;
+                return Some(length);
+            }
+            Transport::TcpListen { stream, .. } | Transport::TcpDial { stream, .. } => {
+                stream.as_mut().map(|s| s.read(buffer))
+            }
+            Transport::Pipe { stream, .. } => stream.as_mut().map(|s| s.read(buffer)),
+        };
+        match read? {
+            Ok(0) => self.lose("closed by the other end".to_owned()),
+            Ok(length) => return Some(length),
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => {}
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => return Some(0),
+            Err(e) => self.lose(e.to_string()),
+        }
+        None
+    }
+
+    fn flush(&mut self) {
+        while !self.queue.is_empty() {
+            let written = match &mut self.transport {
+                Transport::Udp { .. } => return,
+                Transport::TcpListen { stream, .. } | Transport::TcpDial { stream, .. } => {
+                    stream.as_mut().map(|s| s.write(&self.queue))
+                }
+                Transport::Pipe { stream, .. } => stream.as_mut().map(|s| s.write(&self.queue)),
+            };
+            match written {
+                Some(Ok(length)) if length > 0 => {
+                    self.counters.sent_bytes += length as u64;
+                    self.queue.drain(..length);
+                }
+                Some(Err(e)) if e.kind() == io::ErrorKind::Interrupted => {}
+                Some(Err(e)) if e.kind() == io::ErrorKind::WouldBlock => return,
+                Some(Err(e)) => return self.lose(e.to_string()),
+                Some(Ok(_)) | None => return,
+            }
+        }
+    }
+
+    fn lose(&mut self, why: String) {
+        self.queue.clear();
+        match &mut self.transport {
+            Transport::Udp { .. } => return,
+            Transport::TcpListen { stream, .. } => *stream = None,
+            Transport::TcpDial { stream, redial, .. } => {
+                *stream = None;
+                // The dialling thread lives as long as this link does.
+                let _ = redial.send(());
+            }
+            Transport::Pipe { stream, .. } => *stream = None,
+        }
+        self.notices.push(Notice::Disconnected(why));
+    }
+}
+
+/// Small frames must not wait for the acknowledgement of the one before.
+fn prepare(stream: &TcpStream) -> io::Result<()> {
+    stream.set_nonblocking(true)?;
+    stream.set_nodelay(true)
+}
+
+/// A thread that dials until somebody answers, then again whenever it is asked to.
+fn dial(peer: SocketAddr) -> (Receiver<TcpStream>, std::sync::mpsc::Sender<()>) {
+    let (dialled_in, dialled) = std::sync::mpsc::channel();
+    let (redial, asked) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        loop {
+            match TcpStream::connect_timeout(&peer, Duration::from_secs(1)) {
+                Ok(stream) => {
+                    if dialled_in.send(stream).is_err() || asked.recv().is_err() {
+                        return;
+                    }
+                }
+                Err(_) => {
+                    if asked.try_recv() == Err(TryRecvError::Disconnected) {
+                        return;
+                    }
+                    std::thread::sleep(Duration::from_millis(100));
+                }
+            }
+        }
+    });
+    (dialled, redial)
+}
+
+/// What the system says, and what usually helps.
+pub(crate) fn explain(cause: &io::Error) -> String {
+    let hint = match cause.kind() {
+        io::ErrorKind::AddrInUse => "; another program listens there: stop it, or choose another port",
+        io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
+        io::ErrorKind::NotFound => "; no such port or host",
+        io::ErrorKind::PermissionDenied => {
+            "; may this user open it? For a serial port: sudo usermod -aG dialout $USER, then log in again"
+        }
+        io::ErrorKind::ResourceBusy => "; another program holds it (a ground station, ModemManager?)",
+        _ => "",
+    };
+    format!("{cause}{hint}")
+}

@@ -1,0 +1,593 @@
+//! MAVLink: bytes <-> frames <-> signals, as pure functions of bytes.
+//!
+//! [`Decoder`] takes bytes as they come, cut anywhere, MAVLink 1 or 2, and gives whole frames whose
+//! checksum holds. After damage it resumes at the next frame: nothing but the damaged frame is lost, since
+//! a candidate that fails gives up one byte, not its claimed length, and a candidate whose end has not
+//! arrived does not hold up a whole frame behind it. Wire units become SI here and nowhere else.
+//!
+//! Message layouts and checksum seeds come from the `mavlink` crate. The few messages a flight controller
+//! sends are read tolerantly: an enumerator that the crate does not know costs no frame.
+
+use ::mavlink::dialects::common as dialect;
+pub use ::mavlink::dialects::common::MavMessage;
+use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message};
+use hopbench::controls::CHANNEL_COUNT;
+
+pub mod measurement;
+
+const MAGIC_1: u8 = 0xFE;
+const MAGIC_2: u8 = 0xFD;
+const SIGNED: u8 = 0x01;
+const SIGNATURE_BYTES: usize = 13;
+
+/// Message numbers that are read without the crate's enumerations.
+mod id {
+    pub const HEARTBEAT: u32 = 0;
+    pub const PARAM_REQUEST_READ: u32 = 20;
+    pub const PARAM_REQUEST_LIST: u32 = 21;
+    pub const PARAM_SET: u32 = 23;
+    pub const COMMAND_LONG: u32 = 76;
+    pub const COMMAND_ACK: u32 = 77;
+    pub const HIL_ACTUATOR_CONTROLS: u32 = 93;
+}
+
+/// One frame whose checksum held.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Sender's system.
+    pub system_id: u8,
+    /// Sender's component.
+    pub component_id: u8,
+    /// Sender's counter.
+    pub sequence: u8,
+    /// Message number.
+    pub message_id: u32,
+    version: MavlinkVersion,
+    payload: Vec<u8>,
+}
+
+/// What a flight controller says, as far as the bench understands it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FromFc {
+    /// HIL_ACTUATOR_CONTROLS
+    Controls(ControlsFrame),
+    /// HEARTBEAT
+    Heartbeat(Heartbeat),
+    /// COMMAND_LONG
+    Command(Command),
+    /// PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET.
+    Parameters,
+    /// Anything else.
+    Other(u32),
+}
+
+/// HIL_ACTUATOR_CONTROLS
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlsFrame {
+    /// In lockstep the time of the HIL_SENSOR it answers; 0: any.
+    pub time_us: u64,
+    /// Bit 0: lockstep (SITL), or the outputs that are motors (HITL).
+    pub flags: u64,
+    /// Output channels.
+    pub controls: [f64; CHANNEL_COUNT],
+    /// Base mode, bit 7: armed.
+    pub mode: u8,
+}
+
+/// HEARTBEAT
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// Make of autopilot, 12: PX4.
+    pub autopilot: u8,
+    /// Bit 7: armed, bit 5: hardware in the loop.
+    pub base_mode: u8,
+}
+
+/// COMMAND_LONG
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// Number of the command.
+    pub command: u16,
+    /// Its seven parameters.
+    pub parameters: [f32; 7],
+    /// Whom to answer.
+    pub from: (u8, u8),
+}
+
+/// MAV_MODE_FLAG_SAFETY_ARMED
+pub const MODE_ARMED: u8 = 0x80;
+/// MAV_MODE_FLAG_HIL_ENABLED
+pub const MODE_HIL: u8 = 0x20;
+/// MAV_CMD_SET_MESSAGE_INTERVAL
+pub const SET_MESSAGE_INTERVAL: u16 = 511;
+/// HIL_STATE_QUATERNION's number, the one interval that may be asked for.
+pub const HIL_STATE_QUATERNION_ID: u32 = 115;
+/// MAV_RESULT_ACCEPTED
+pub const RESULT_ACCEPTED: u8 = 0;
+/// MAV_RESULT_UNSUPPORTED
+pub const RESULT_UNSUPPORTED: u8 = 3;
+
+impl ControlsFrame {
+    /// Whether the controls are to be obeyed.
+    pub fn armed(&self) -> bool {
+        self.mode & MODE_ARMED != 0
+    }
+}
+
+/// What a decoder has met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames whose checksum held.
+    pub frames: u64,
+    /// Frames of a known message whose checksum did not hold.
+    pub crc_errors: u64,
+    /// Frames of a message that `common` does not have; whole, but of no use.
+    pub unknown: u64,
+    /// Frames missing by the gaps in the senders' counters.
+    pub lost: u64,
+    /// Bytes that belonged to no frame.
+    pub skipped_bytes: u64,
+}
+
+/// Bytes to frames.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    buffer: Vec<u8>,
+    start: usize,
+    last_sequence: Vec<(u8, u8, u8)>,
+    counters: Counters,
+}
+
+/// What stands at one place of the buffer.
+enum Candidate {
+    Whole {
+        length: usize,
+    },
+    Unknown {
+        length: usize,
+    },
+    Damaged,
+    /// No frame can start here.
+    Nothing,
+    /// Its end has not arrived.
+    Partial,
+}
+
+impl Decoder {
+    /// Takes bytes as they came.
+    pub fn push(&mut self, bytes: &[u8]) {
+        if self.start > 0 && self.start == self.buffer.len() {
+            self.buffer.clear();
+            self.start = 0;
+        } else if self.start > 4096 {
+            self.buffer.drain(..self.start);
+            self.start = 0;
+        }
+        self.buffer.extend_from_slice(bytes);
+    }
+
+    /// What has been met so far.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// The next whole frame, `None` until more bytes come.
+    pub fn next_frame(&mut self) -> Option<Frame> {
+        loop {
+            let rest = &self.buffer[self.start..];
+            if rest.is_empty() {
+                return None;
+            }
+            match candidate(rest) {
+                Candidate::Whole { length } => return Some(self.take(length)),
+                Candidate::Unknown { length } => {
+                    self.counters.unknown += 1;
+                    self.start += length;
+                }
+                Candidate::Damaged => {
+                    self.counters.crc_errors += 1;
+                    self.skip(1);
+                }
+                Candidate::Nothing => self.skip(1),
+                Candidate::Partial => {
+                    // A damaged length may claim bytes that never come, and the other side may be waiting
+                    // for an answer to the whole frame that stands behind it.
+                    let behind = (1..rest.len()).find(|&i| match candidate(&rest[i..]) {
+                        Candidate::Whole { length } => {
+                            rest.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
+                        }
+                        _ => false,
+                    })?;
+                    self.counters.crc_errors += 1;
+                    self.skip(behind);
+                }
+            }
+        }
+    }
+
+    fn skip(&mut self, length: usize) {
+        self.counters.skipped_bytes += length as u64;
+        self.start += length;
+    }
+
+    fn take(&mut self, length: usize) -> Frame {
+        let raw = &self.buffer[self.start..self.start + length];
+        let payload_length = usize::from(raw[1]);
+        let frame = if raw[0] == MAGIC_2 {
+            Frame {
+                sequence: raw[4],
+                system_id: raw[5],
+                component_id: raw[6],
+                message_id: message_id_2(raw),
+                version: MavlinkVersion::V2,
+                payload: raw[10..10 + payload_length].to_vec(),
+            }
+        } else {
+            Frame {
+                sequence: raw[2],
+                system_id: raw[3],
+                component_id: raw[4],
+                message_id: raw[5].into(),
+                version: MavlinkVersion::V1,
+                payload: raw[6..6 + payload_length].to_vec(),
+            }
+        };
+        self.start += length;
+        self.counters.frames += 1;
+        self.follow(&frame);
+        frame
+    }
+
+    /// Counts what is missing between this frame and the last of the same sender.
+    fn follow(&mut self, frame: &Frame) {
+        let sender = (frame.system_id, frame.component_id);
+        // A flight controller has a handful of components; noise that looks like more is not followed.
+        let room = self.last_sequence.len() < 32;
+        match self.last_sequence.iter_mut().find(|(s, c, _)| (*s, *c) == sender) {
+            Some((_, _, last)) => {
+                self.counters.lost += u64::from(frame.sequence.wrapping_sub(*last).wrapping_sub(1));
+                *last = frame.sequence;
+            }
+            None if room => {
+                self.last_sequence.push((sender.0, sender.1, frame.sequence));
+            }
+            None => {}
+        }
+    }
+}
+
+fn message_id_2(raw: &[u8]) -> u32 {
+    u32::from_le_bytes([raw[7], raw[8], raw[9], 0])
+}
+
+fn candidate(bytes: &[u8]) -> Candidate {
+    let (header, flags) = match bytes[0] {
+        MAGIC_1 => (6, 0),
+        MAGIC_2 => (10, bytes.get(2).copied().unwrap_or(0)),
+        _ => return Candidate::Nothing,
+    };
+    // An unknown incompatibility flag means that the frame cannot be read.
+    if flags & !SIGNED != 0 {
+        return Candidate::Nothing;
+    }
+    if bytes.len() < header {
+        return Candidate::Partial;
+    }
+    let payload_end = header + usize::from(bytes[1]);
+    let length = payload_end + 2 + if flags & SIGNED != 0 { SIGNATURE_BYTES } else { 0 };
+    let id = if header == 10 { message_id_2(bytes) } else { bytes[5].into() };
+    let known = MavMessage::default_message_from_id(id).is_some();
+    if bytes.len() < length {
+        return Candidate::Partial;
+    }
+    let sent = u16::from_le_bytes([bytes[payload_end], bytes[payload_end + 1]]);
+    let body = &bytes[1..payload_end];
+    if known {
+        let whole = sent == ::mavlink::calculate_crc(body, MavMessage::extra_crc(id));
+        return if whole { Candidate::Whole { length } } else { Candidate::Damaged };
+    }
+    // The seed of an unknown message is unknown too: is there one that fits? By chance once in 256, so what
+    // follows has to look like a frame as well.
+    let follows = bytes.get(length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2));
+    let fits = follows && (0..=u8::MAX).any(|seed| sent == ::mavlink::calculate_crc(body, seed));
+    if fits { Candidate::Unknown { length } } else { Candidate::Nothing }
+}
+
+impl Frame {
+    /// As a message of the crate; `None` when it holds an enumerator that the crate does not know.
+    pub fn message(&self) -> Option<MavMessage> {
+        MavMessage::parse(self.version, self.message_id, &self.payload).ok()
+    }
+
+    /// As what a flight controller says.
+    pub fn from_fc(&self) -> FromFc {
+        let field = Payload(&self.payload);
+        match self.message_id {
+            id::HIL_ACTUATOR_CONTROLS => FromFc::Controls(ControlsFrame {
+                time_us: u64::from_le_bytes(field.bytes(0)),
+                flags: u64::from_le_bytes(field.bytes(8)),
+                controls: std::array::from_fn(|i| f32::from_le_bytes(field.bytes(16 + 4 * i)).into()),
+                mode: field.bytes::<1>(80)[0],
+            }),
+            id::HEARTBEAT => FromFc::Heartbeat(Heartbeat {
+                autopilot: field.bytes::<1>(5)[0],
+                base_mode: field.bytes::<1>(6)[0],
+            }),
+            id::COMMAND_LONG => FromFc::Command(Command {
+                parameters: std::array::from_fn(|i| f32::from_le_bytes(field.bytes(4 * i))),
+                command: u16::from_le_bytes(field.bytes(28)),
+                from: (self.system_id, self.component_id),
+            }),
+            id::PARAM_REQUEST_LIST | id::PARAM_REQUEST_READ | id::PARAM_SET => FromFc::Parameters,
+            other => FromFc::Other(other),
+        }
+    }
+}
+
+/// A payload whose trailing zeros the sender may have cut.
+struct Payload<'a>(&'a [u8]);
+
+impl Payload<'_> {
+    fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
+        std::array::from_fn(|i| self.0.get(offset + i).copied().unwrap_or(0))
+    }
+}
+
+/// Messages to bytes, MAVLink 2, with a counter of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder {
+    system_id: u8,
+    component_id: u8,
+    sequence: u8,
+    frames: u64,
+}
+
+impl Encoder {
+    /// Speaks as this system and component.
+    pub fn new(system_id: u8, component_id: u8) -> Self {
+        Self { system_id, component_id, sequence: 0, frames: 0 }
+    }
+
+    /// Frames encoded so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Appends the frame of `message` to `bytes`.
+    pub fn encode(&mut self, message: &MavMessage, bytes: &mut Vec<u8>) {
+        let mut raw = MAVLinkV2MessageRaw::new();
+        let header = MavHeader {
+            system_id: self.system_id.into(),
+            component_id: self.component_id,
+            sequence: self.next_sequence(),
+        };
+        raw.serialize_message(header, message);
+        bytes.extend_from_slice(raw.raw_bytes());
+    }
+
+    /// COMMAND_ACK, also for commands whose number the crate does not know.
+    pub fn encode_ack(&mut self, command: &Command, result: u8, bytes: &mut Vec<u8>) {
+        let [low, high] = command.command.to_le_bytes();
+        let payload = [low, high, result, 0, 0, 0, 0, 0, command.from.0, command.from.1];
+        // MAVLink 2 cuts trailing zeros but keeps one byte.
+        let length = payload.iter().rposition(|b| *b != 0).map_or(1, |last| last + 1);
+        let start = bytes.len();
+        let [id_0, id_1, id_2, _] = id::COMMAND_ACK.to_le_bytes();
+        let sequence = self.next_sequence();
+        let head =
+            [MAGIC_2, length as u8, 0, 0, sequence, self.system_id, self.component_id, id_0, id_1, id_2];
+        bytes.extend_from_slice(&head);
+        bytes.extend_from_slice(&payload[..length]);
+        let crc = ::mavlink::calculate_crc(&bytes[start + 1..], MavMessage::extra_crc(id::COMMAND_ACK));
+        bytes.extend_from_slice(&crc.to_le_bytes());
+    }
+
+    fn next_sequence(&mut self) -> u8 {
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        self.frames += 1;
+        sequence
+    }
+}
+
+/// HIL_ACTUATOR_CONTROLS as a flight controller sends it.
+pub fn actuator_controls(frame: &ControlsFrame) -> MavMessage {
+    MavMessage::HIL_ACTUATOR_CONTROLS(dialect::HIL_ACTUATOR_CONTROLS_DATA {
+        time_usec: frame.time_us,
+        flags: dialect::HilActuatorControlsFlags::from_bits_retain(frame.flags),
+        controls: frame.controls.map(|c| c as f32),
+        mode: dialect::MavModeFlag::from_bits_retain(frame.mode),
+    })
+}
+
+/// HEARTBEAT of a simulator (`base_mode` 0) or of the built-in autopilot.
+pub fn heartbeat(base_mode: u8) -> MavMessage {
+    MavMessage::HEARTBEAT(dialect::HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: if base_mode == 0 {
+            dialect::MavType::MAV_TYPE_GENERIC
+        } else {
+            dialect::MavType::MAV_TYPE_ROCKET
+        },
+        autopilot: if base_mode == 0 {
+            dialect::MavAutopilot::MAV_AUTOPILOT_INVALID
+        } else {
+            dialect::MavAutopilot::MAV_AUTOPILOT_GENERIC
+        },
+        base_mode: dialect::MavModeFlag::from_bits_retain(base_mode),
+        system_status: dialect::MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+    })
+}
+
+/// SYSTEM_TIME; the Unix time is unknown to a simulated clock, hence 0.
+pub fn system_time(time_us: u64) -> MavMessage {
+    MavMessage::SYSTEM_TIME(dialect::SYSTEM_TIME_DATA {
+        time_unix_usec: 0,
+        time_boot_ms: milliseconds(time_us),
+    })
+}
+
+/// The answer to any parameter request: there are none.
+pub fn no_parameters() -> MavMessage {
+    MavMessage::PARAM_VALUE(dialect::PARAM_VALUE_DATA { param_index: u16::MAX, ..Default::default() })
+}
+
+/// Milliseconds of a 32-bit field, which wraps after 49 days as the protocol has it.
+pub(crate) fn milliseconds(time_us: u64) -> u32 {
+    (time_us / 1000) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unhex(hex: &str) -> Vec<u8> {
+        (0..hex.len()).step_by(2).map(|i| u8::from_str_radix(&hex[i..i + 2], 16).unwrap()).collect()
+    }
+
+    fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
+        let mut decoder = Decoder::default();
+        decoder.push(bytes);
+        let frames = std::iter::from_fn(|| decoder.next_frame()).collect();
+        (frames, decoder.counters())
+    }
+
+    /// Bytes that an unmodified PX4 1.16.1 in software sends before the first sensor message.
+    const PX4_INTERVAL: &str =
+        "fd1e00000001014c00000000e64200409c450000000000000000000000000000000000000000ff011904";
+    const PX4_HEARTBEAT: &str = "fd09000001010100000000000000000c0000039158";
+
+    fn px4_disarmed() -> Vec<u8> {
+        unhex(&format!("fd5100000201015d0000409002000000000001{}01a185", "00".repeat(71)))
+    }
+
+    #[test]
+    fn the_first_words_of_a_px4_decode_as_observed() {
+        let bytes = [unhex(PX4_INTERVAL), unhex(PX4_HEARTBEAT), px4_disarmed()].concat();
+        let (frames, counters) = decode(&bytes);
+        assert_eq!(counters, Counters { frames: 3, ..Default::default() });
+        let FromFc::Command(command) = frames[0].from_fc() else { panic!("{frames:?}") };
+        assert_eq!(command.command, SET_MESSAGE_INTERVAL);
+        assert_eq!(command.parameters[..2], [115.0, 5000.0]);
+        assert_eq!(frames[1].from_fc(), FromFc::Heartbeat(Heartbeat { autopilot: 12, base_mode: 0 }));
+        let FromFc::Controls(controls) = frames[2].from_fc() else { panic!("{frames:?}") };
+        assert_eq!((controls.time_us, controls.flags, controls.mode), (168_000, 1, 1));
+        assert!(!controls.armed());
+        assert_eq!(controls.controls, [0.0; 16]);
+        // The crate reads the same.
+        assert_eq!(frames[2].message().unwrap(), actuator_controls(&controls));
+    }
+
+    fn controls(time_us: u64, value: f64) -> ControlsFrame {
+        ControlsFrame { time_us, flags: 1, controls: [value; 16], mode: 129 }
+    }
+
+    fn stream(count: u64) -> (Vec<u8>, Vec<usize>) {
+        let mut encoder = Encoder::new(1, 1);
+        let (mut bytes, mut ends) = (Vec::new(), Vec::new());
+        for i in 0..count {
+            encoder.encode(
+                &actuator_controls(&controls(4000 * (i + 1), (i % 1000) as f64 / 1024.0)),
+                &mut bytes,
+            );
+            ends.push(bytes.len());
+        }
+        (bytes, ends)
+    }
+
+    #[test]
+    fn bytes_cut_anywhere_give_the_same_frames() {
+        let (bytes, _) = stream(50);
+        let whole = decode(&bytes);
+        for size in [1, 2, 7, 92, 93, 94, 280] {
+            let mut decoder = Decoder::default();
+            let mut frames = Vec::new();
+            for part in bytes.chunks(size) {
+                decoder.push(part);
+                frames.extend(std::iter::from_fn(|| decoder.next_frame()));
+            }
+            assert_eq!((frames, decoder.counters()), whole, "pieces of {size}");
+        }
+    }
+
+    #[test]
+    fn a_damaged_byte_costs_its_own_frame_and_no_other() {
+        let (clean, ends) = stream(400);
+        // One byte in about 1000, spread over all places within a frame; the ends stay whole, for their gaps
+        // could not be seen.
+        let mut bytes = clean.clone();
+        let mut hit = std::collections::BTreeSet::new();
+        for place in (150..bytes.len() - 93).step_by(997) {
+            bytes[place] ^= 0x55;
+            hit.insert(ends.partition_point(|end| *end <= place));
+        }
+        let (frames, counters) = decode(&bytes);
+        let expected: Vec<u64> =
+            (0..400).filter(|i| !hit.contains(&(*i as usize))).map(|i| 4000 * (i + 1)).collect();
+        let got: Vec<u64> = frames
+            .iter()
+            .map(|f| match f.from_fc() {
+                FromFc::Controls(c) => c.time_us,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!(got, expected);
+        assert_eq!(counters.lost, hit.len() as u64);
+        assert!(counters.crc_errors + counters.unknown <= 2 * hit.len() as u64, "{counters:?}");
+    }
+
+    #[test]
+    fn a_damaged_length_does_not_hold_up_the_answer_behind_it() {
+        let (mut bytes, ends) = stream(2);
+        bytes[1] = 255; // claims 174 bytes more than there are
+        let (frames, counters) = decode(&bytes);
+        assert_eq!(frames.len(), 1, "{ends:?}");
+        assert_eq!(counters.crc_errors, 1);
+    }
+
+    #[test]
+    fn an_unknown_message_is_whole_and_counted_once() {
+        let (good, _) = stream(1);
+        // Message 0xABCDEF, seed 77, full of bytes that look like the start of a frame.
+        let mut unknown = vec![MAGIC_2, 30, 0, 0, 9, 3, 4, 0xEF, 0xCD, 0xAB];
+        unknown.extend([MAGIC_2; 30]);
+        let crc = ::mavlink::calculate_crc(&unknown[1..], 77);
+        unknown.extend(crc.to_le_bytes());
+        let (frames, counters) = decode(&[unknown, good].concat());
+        assert_eq!((frames.len(), counters.unknown, counters.crc_errors), (1, 1, 0));
+    }
+
+    #[test]
+    fn mavlink_1_is_understood() {
+        let mut raw = ::mavlink::MAVLinkV1MessageRaw::new();
+        let header = MavHeader { system_id: 1, component_id: 1, sequence: 7 };
+        raw.serialize_message(header, &actuator_controls(&controls(4000, 0.5)));
+        let (frames, _) = decode(raw.raw_bytes());
+        assert_eq!(frames[0].from_fc(), FromFc::Controls(controls(4000, 0.5)));
+    }
+
+    #[test]
+    fn unknown_enumerators_cost_no_frame() {
+        let mut payload = [0u8; 9];
+        (payload[4], payload[5], payload[6], payload[8]) = (200, 250, 0xA0, 3); // no such type, no such autopilot
+        let mut bytes = vec![MAGIC_2, 9, 0, 0, 0, 1, 1, 0, 0, 0];
+        bytes.extend(payload);
+        let crc = ::mavlink::calculate_crc(&bytes[1..], MavMessage::extra_crc(0));
+        bytes.extend(crc.to_le_bytes());
+        let (frames, _) = decode(&bytes);
+        assert_eq!(frames[0].from_fc(), FromFc::Heartbeat(Heartbeat { autopilot: 250, base_mode: 0xA0 }));
+    }
+
+    #[test]
+    fn an_acknowledgement_is_what_the_crate_reads() {
+        let command = Command { command: SET_MESSAGE_INTERVAL, parameters: [0.0; 7], from: (1, 1) };
+        let mut bytes = Vec::new();
+        Encoder::new(1, 200).encode_ack(&command, RESULT_UNSUPPORTED, &mut bytes);
+        let (frames, _) = decode(&bytes);
+        let Some(MavMessage::COMMAND_ACK(ack)) = frames[0].message() else { panic!("{frames:?}") };
+        assert_eq!(ack.command, dialect::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL);
+        assert_eq!(ack.result, dialect::MavResult::MAV_RESULT_UNSUPPORTED);
+        assert_eq!((ack.target_system, ack.target_component), (1, 1));
+    }
+}

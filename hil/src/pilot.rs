@@ -1,0 +1,126 @@
+//! The built-in autopilot as a MAVLink flight controller: HIL messages in, HIL_ACTUATOR_CONTROLS out.
+//!
+//! It speaks through the same codec and links as any other controller and knows no more than they do.
+
+use std::time::{Duration, Instant};
+
+use hopbench::autopilot::Autopilot;
+use hopbench::controls::{Controls, Scale};
+use hopbench::signal::Measurement;
+use hopbench::time::SimTime;
+
+use crate::bench::Belief;
+use crate::link::{Link, Notice};
+use crate::mavlink::measurement::Gatherer;
+use crate::mavlink::{ControlsFrame, Decoder, Encoder, MODE_ARMED, MODE_HIL, actuator_controls, heartbeat};
+
+/// MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, as PX4 sets it.
+const MODE_CUSTOM: u8 = 1;
+/// HIL_ACTUATOR_CONTROLS flag: the answer carries the time of the sample.
+const FLAG_LOCKSTEP: u64 = 1;
+/// A plant that was there and is silent for this long has ended.
+const PLANT_SILENCE: Duration = Duration::from_secs(3);
+
+/// The built-in autopilot at the end of a link.
+pub struct Pilot {
+    fresh: Autopilot,
+    autopilot: Autopilot,
+    controls: Controls,
+    scale: Scale,
+    gatherer: Gatherer,
+    decoder: Decoder,
+    encoder: Encoder,
+    armed: bool,
+    last: Option<SimTime>,
+    next_heartbeat: Instant,
+    out: Vec<u8>,
+}
+
+impl Pilot {
+    /// A flight controller for a vehicle with these channels.
+    pub fn new(autopilot: Autopilot, controls: Controls, scale: Scale) -> Self {
+        Self {
+            fresh: autopilot.clone(),
+            autopilot,
+            controls,
+            scale,
+            gatherer: Gatherer::default(),
+            decoder: Decoder::default(),
+            encoder: Encoder::new(1, 1),
+            armed: false,
+            last: None,
+            next_heartbeat: Instant::now(),
+            out: Vec::with_capacity(512),
+        }
+    }
+
+    /// Flies until `stop` says so, or until the plant is gone. `tell` hears what is believed.
+    pub fn serve(&mut self, link: &mut Link, stop: impl Fn() -> bool, mut tell: impl FnMut(Belief)) {
+        let mut received = Vec::new();
+        let mut fed = Instant::now();
+        while !stop() {
+            link.wait(Instant::now() + Duration::from_millis(50));
+            received.clear();
+            link.receive(&mut received);
+            let hung_up = link.take_notices().iter().any(|n| matches!(n, Notice::Disconnected(_)));
+            self.decoder.push(&received);
+            while let Some(frame) = self.decoder.next_frame() {
+                let Some(message) = frame.message() else { continue };
+                if let Some(measurement) = self.gatherer.take(&message) {
+                    fed = Instant::now();
+                    self.answer(&measurement);
+                    link.send(&self.out);
+                    tell(self.belief());
+                }
+            }
+            self.beat(link);
+            if self.last.is_some() && (hung_up || fed.elapsed() > PLANT_SILENCE) {
+                return;
+            }
+        }
+    }
+
+    /// Whether a plant has been heard.
+    pub fn has_flown(&self) -> bool {
+        self.last.is_some()
+    }
+
+    /// One HIL_SENSOR, one answer, in `out`.
+    fn answer(&mut self, measurement: &Measurement) {
+        if self.last.is_some_and(|last| measurement.time < last) {
+            // Another flight on the same link.
+            self.autopilot = self.fresh.clone();
+        }
+        self.last = Some(measurement.time);
+        let command = self.autopilot.update(measurement);
+        self.armed = command.armed;
+        let frame = ControlsFrame {
+            time_us: measurement.time.us(),
+            flags: FLAG_LOCKSTEP,
+            controls: self.controls.encode(&command, &self.scale),
+            mode: MODE_CUSTOM | if command.armed { MODE_ARMED } else { 0 },
+        };
+        self.out.clear();
+        self.encoder.encode(&actuator_controls(&frame), &mut self.out);
+    }
+
+    /// Once a second, and faster until the plant has spoken: whoever listens answers only who writes.
+    fn beat(&mut self, link: &mut Link) {
+        let now = Instant::now();
+        if now < self.next_heartbeat {
+            return;
+        }
+        self.next_heartbeat = now + Duration::from_millis(if self.last.is_some() { 1000 } else { 50 });
+        self.out.clear();
+        let mode = MODE_CUSTOM | MODE_HIL | if self.armed { MODE_ARMED } else { 0 };
+        self.encoder.encode(&heartbeat(mode), &mut self.out);
+        link.send(&self.out);
+    }
+
+    fn belief(&self) -> Belief {
+        Belief {
+            phase: self.autopilot.phase().name(),
+            reference_ned_m: self.autopilot.reference().position_ned_m,
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! What a given flight controller expects, as data: streams, rates, heartbeats, pacing, and what may be
+//! asked for. Facts behind the PX4 profiles were observed on version 1.16.1.
+
+use hopbench::controls::ThrottleKind;
+use hopbench::signal::Measurement;
+
+use crate::link::LinkSpec;
+
+/// One kind of flight controller.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// As the command line spells it.
+    pub name: &'static str,
+    /// Pacing unless the command line says otherwise.
+    pub pacing: Pacing,
+    /// Whether it can answer each HIL_SENSOR with its time.
+    pub lockstep_possible: bool,
+    /// What its throttle channel commands unless the vehicle file says so.
+    pub throttle: ThrottleKind,
+    /// Delay of satellite navigation that it is set up for [s]; `None`: the vehicle file's.
+    pub gnss_delay_s: Option<f64>,
+    /// Heartbeats to it.
+    pub heartbeat: Heartbeat,
+    /// Whether it gets nothing but heartbeats until its own carries the HIL flag.
+    pub needs_hil_flag: bool,
+    /// Whether it may ask for the true state.
+    pub truth_on_request: bool,
+    /// Whether COMMAND_LONG is acknowledged and parameter requests answered.
+    pub answers: bool,
+    /// ODOMETRY, the rig's tracking, at most at this rate [Hz].
+    pub odometry_hz: Option<f64>,
+    /// NAMED_VALUE_FLOAT of each pressure, at most at this rate [Hz].
+    pub pressure_hz: Option<f64>,
+    /// SYSTEM_TIME [Hz].
+    pub system_time_hz: Option<f64>,
+    /// Whether inertial samples end in a 16-bit FIFO that overflows.
+    pub clamps_inertial: bool,
+}
+
+/// Who waits for whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pacing {
+    /// One step of the flight controller for each HIL_SENSOR.
+    Lockstep,
+    /// The wall clock.
+    RealTime,
+}
+
+/// Heartbeats to a flight controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heartbeat {
+    /// It looks at none.
+    Never,
+    /// Once a second.
+    EverySecond,
+    /// Ten a second until it answers: PX4 on USB opens MAVLink only once it hears one.
+    EagerUntilAnswered,
+}
+
+/// PX4 in software, dialling in on TCP.
+pub const PX4_SITL: Profile = Profile {
+    name: "px4-sitl",
+    pacing: Pacing::Lockstep,
+    lockstep_possible: true,
+    throttle: ThrottleKind::Thrust,
+    gnss_delay_s: Some(0.010),
+    heartbeat: Heartbeat::Never,
+    needs_hil_flag: false,
+    truth_on_request: true,
+    answers: false,
+    odometry_hz: None,
+    pressure_hz: None,
+    system_time_hz: None,
+    clamps_inertial: true,
+};
+
+/// PX4 on its own board. The true state is never sent: it would fight the board's estimator.
+pub const PX4_HITL: Profile = Profile {
+    name: "px4-hitl",
+    pacing: Pacing::RealTime,
+    lockstep_possible: false,
+    gnss_delay_s: Some(0.110),
+    heartbeat: Heartbeat::EagerUntilAnswered,
+    needs_hil_flag: true,
+    truth_on_request: false,
+    ..PX4_SITL
+};
+
+/// Any flight controller that speaks MAVLink's HIL messages; the built-in autopilot is one.
+pub const GENERIC: Profile = Profile {
+    name: "generic",
+    pacing: Pacing::RealTime,
+    lockstep_possible: true,
+    throttle: ThrottleKind::Valve,
+    gnss_delay_s: None,
+    heartbeat: Heartbeat::EverySecond,
+    needs_hil_flag: false,
+    truth_on_request: true,
+    answers: true,
+    odometry_hz: Some(50.0),
+    pressure_hz: Some(50.0),
+    system_time_hz: Some(1.0),
+    clamps_inertial: false,
+};
+
+/// Every profile.
+pub const PROFILES: [&Profile; 3] = [&PX4_SITL, &PX4_HITL, &GENERIC];
+
+/// The profile of that name.
+pub fn named(name: &str) -> Option<&'static Profile> {
+    PROFILES.into_iter().find(|profile| profile.name == name)
+}
+
+/// The profile of a link when none is named: PX4 in software dials port 4560, serial is a PX4 board.
+pub fn default_for(link: &LinkSpec) -> &'static Profile {
+    match link {
+        LinkSpec::TcpListen(host) if host.port == 4560 => &PX4_SITL,
+        LinkSpec::Serial { .. } => &PX4_HITL,
+        _ => &GENERIC,
+    }
+}
+
+impl Profile {
+    /// Keeps inertial samples within what PX4's FIFO holds: ±16 g in steps of g/2048, ±2000 deg/s.
+    pub fn clamp(&self, measurement: &mut Measurement) {
+        const ACCELERATION_M_S2: f64 = 16.0 * 9.80665 * (32767.0 / 32768.0);
+        const RATE_RAD_S: f64 = 2000.0 * std::f64::consts::PI / 180.0 * (32767.0 / 32768.0);
+        if let (true, Some(imu)) = (self.clamps_inertial, &mut measurement.imu) {
+            imu.specific_force_body_m_s2.apply(|a| *a = a.clamp(-ACCELERATION_M_S2, ACCELERATION_M_S2));
+            imu.rate_body_rad_s.apply(|w| *w = w.clamp(-RATE_RAD_S, RATE_RAD_S));
+        }
+    }
+}
+
+/// How often the sensors of a vehicle speak [Hz].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorRates {
+    /// HIL_SENSOR.
+    pub imu_hz: f64,
+    /// HIL_GPS.
+    pub gnss_hz: f64,
+    /// DISTANCE_SENSOR.
+    pub altimeter_hz: f64,
+}
+
+/// Share of a serial line that a profile takes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Budget {
+    /// Below 70 %.
+    Fits {
+        /// Share [%].
+        load_percent: f64,
+    },
+    /// 70 to 90 %: queues build up now and then.
+    Tight {
+        /// Share [%].
+        load_percent: f64,
+    },
+    /// Above 90 %: samples would arrive later and later.
+    Refused {
+        /// Share [%].
+        load_percent: f64,
+        /// Greatest usual rate of HIL_SENSOR that stays below 70 % [Hz], if there is one.
+        fitting_hz: Option<f64>,
+    },
+}
+
+/// Frame lengths on the wire [byte], untruncated.
+mod frame_bytes {
+    pub const HIL_SENSOR: f64 = 77.0;
+    pub const HIL_GPS: f64 = 51.0;
+    pub const DISTANCE_SENSOR: f64 = 51.0;
+    pub const HEARTBEAT: f64 = 21.0;
+    pub const ODOMETRY: f64 = 245.0;
+    pub const NAMED_VALUE_FLOAT: f64 = 30.0;
+    pub const SYSTEM_TIME: f64 = 24.0;
+}
+
+impl Profile {
+    /// Bytes a second to the flight controller, the true state not counted.
+    pub fn bytes_per_s(&self, rates: &SensorRates) -> f64 {
+        rates.imu_hz * frame_bytes::HIL_SENSOR
+            + rates.gnss_hz * frame_bytes::HIL_GPS
+            + rates.altimeter_hz * frame_bytes::DISTANCE_SENSOR
+            + if self.heartbeat == Heartbeat::Never { 0.0 } else { frame_bytes::HEARTBEAT }
+            + self.odometry_hz.unwrap_or(0.0) * frame_bytes::ODOMETRY
+            + self.pressure_hz.unwrap_or(0.0) * 3.0 * frame_bytes::NAMED_VALUE_FLOAT
+            + self.system_time_hz.unwrap_or(0.0) * frame_bytes::SYSTEM_TIME
+    }
+
+    /// Whether the profile fits a serial line of `baud` symbols a second, ten to a byte.
+    pub fn budget(&self, rates: &SensorRates, baud: u32) -> Budget {
+        let load = |imu_hz: f64| {
+            self.bytes_per_s(&SensorRates { imu_hz, ..*rates }) / (f64::from(baud) / 10.0) * 100.0
+        };
+        let load_percent = load(rates.imu_hz);
+        if load_percent < 70.0 {
+            Budget::Fits { load_percent }
+        } else if load_percent <= 90.0 {
+            Budget::Tight { load_percent }
+        } else {
+            let usual_hz = [1000.0, 500.0, 250.0, 200.0, 125.0, 100.0, 50.0];
+            let fitting_hz = usual_hz.into_iter().find(|hz| *hz < rates.imu_hz && load(*hz) < 70.0);
+            Budget::Refused { load_percent, fitting_hz }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATES: SensorRates = SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 };
+
+    #[test]
+    fn the_link_chooses_the_profile() {
+        for (link, name) in [
+            ("tcp-listen:127.0.0.1:4560", "px4-sitl"),
+            ("tcp-listen:4561", "generic"),
+            ("serial:/dev/ttyACM0:921600", "px4-hitl"),
+            ("udp-listen:127.0.0.1:14555", "generic"),
+        ] {
+            assert_eq!(default_for(&link.parse().unwrap()).name, name, "{link}");
+        }
+    }
+
+    #[test]
+    fn a_slow_line_is_refused_with_the_rate_that_fits() {
+        // 250 * 77 + 10 * 51 + 50 * 51 + 21 = 22331 byte/s.
+        assert_eq!(PX4_HITL.bytes_per_s(&RATES), 22_331.0);
+        assert!(
+            matches!(PX4_HITL.budget(&RATES, 921_600), Budget::Fits { load_percent } if load_percent < 25.0)
+        );
+        assert!(matches!(PX4_HITL.budget(&RATES, 256_000), Budget::Tight { .. }));
+        // 115200 baud carry 11520 byte/s, 70 % are 8064: 50 Hz takes 6931, 100 Hz 10781.
+        let Budget::Refused { fitting_hz, .. } = PX4_HITL.budget(&RATES, 115_200) else { panic!() };
+        assert_eq!(fitting_hz, Some(50.0));
+        let Budget::Refused { fitting_hz, .. } = PX4_HITL.budget(&RATES, 9600) else { panic!() };
+        assert_eq!(fitting_hz, None);
+    }
+}
