@@ -41,7 +41,9 @@ pub fn skew(a: Vec3) -> Mat3 {
 
 /// Inertia of a point mass of 1 kg at `r` about the origin, tensor convention: r·r E - r rᵀ.
 pub fn point_inertia(r: Vec3) -> Mat3 {
-    Mat3::identity() * r.dot(&r) - r * r.transpose()
+    let (xx, yy, zz) = (r.x * r.x, r.y * r.y, r.z * r.z);
+    let (xy, xz, yz) = (-r.x * r.y, -r.x * r.z, -r.y * r.z);
+    Mat3::new(yy + zz, xy, xz, xy, xx + zz, yz, xz, yz, xx + yy)
 }
 
 /// Time derivative of a unit quaternion: q' = 1/2 q (0, ω), ω in body axes [rad/s].

@@ -205,11 +205,11 @@ impl Vehicle {
     pub fn new(file: VehicleFile, map: &str, valve_area: &str) -> Result<Self, VehicleError> {
         let texts = EngineTexts { map, valve_area };
         let engine = Engine::new(&file.engine, &file.feed, &file.paper_mode, texts).map_err(|e| match e {
-            EngineError::Map(e) => VehicleError::Table { table: Table::Map, message: e.to_string() },
             EngineError::ValveArea(e) => {
                 VehicleError::Table { table: Table::ValveArea, message: e.to_string() }
             }
             EngineError::Parameter(e) => VehicleError::Invalid(e),
+            e => VehicleError::Table { table: Table::Map, message: e.to_string() },
         })?;
         let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
         let mut components = file.component;
