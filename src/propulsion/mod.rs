@@ -92,3 +92,480 @@ pub struct PaperMode {
     #[schemars(range(min = 2, max = 1000000))]
     pub sweep_points: u32,
 }
+<<<<<<< HEAD
+=======
+
+/// Why an engine cannot be made of its parameters.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// The propulsion map's table.
+    #[error("propulsion map: {0}")]
+    Map(TableError),
+    /// The valve's area table.
+    #[error("valve area: {0}")]
+    ValveArea(TableError),
+    /// Parameters that contradict each other; the key is relative to the vehicle file.
+    #[error(transparent)]
+    Parameter(#[from] Invalid),
+}
+
+/// Everything of the engine that does not change in flight.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    grain: Grain,
+    chamber: Chamber,
+    nozzle: Nozzle,
+    cold_flow_isp_s: f64,
+    cold: ColdGas,
+    map: CombustionMap,
+    valve_area: ValveArea,
+    valve_discharge_coefficient: f64,
+    injector_area_m2: f64,
+    demand_kg_s: (f64, f64),
+    full_above: f64,
+}
+
+/// What the engine's answer depends on beside tank and valve.
+#[derive(Clone, Copy, Debug)]
+pub struct EngineCondition {
+    /// Radius of the ports [m].
+    pub port_radius_m: f64,
+    /// Radius of the throat [m].
+    pub throat_radius_m: f64,
+    /// Share of the oxidiser that burns at the steady O/F, 0..1.
+    pub burning_fraction: f64,
+    /// Ambient pressure [Pa].
+    pub ambient_pa: f64,
+    /// Gas in the chamber, when that is a state; `None` is quasi-steady.
+    pub chamber_gas: Option<ChamberGas>,
+    /// Flow that the tank's outlet can give [kg/s]; infinite but in a depletion's tail.
+    pub oxidizer_flow_limit_kg_s: f64,
+}
+
+/// Where to look first; from the last answer. It changes the time an answer takes, and the answer within
+/// the solver's tolerance only.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Guess {
+    /// P2 [Pa].
+    pub injector_inlet_pa: f64,
+    /// Slope of the flow balance there [kg/(s Pa)].
+    pub slope_kg_s_pa: f64,
+    /// ln(Pc/P_ref).
+    pub log_chamber_pressure: f64,
+}
+
+/// The engine's answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OperatingPoint {
+    /// Oxidiser through valve and injector [kg/s].
+    pub oxidizer_kg_s: f64,
+    /// Fuel off the grain [kg/s].
+    pub fuel_kg_s: f64,
+    /// Flow out of the nozzle [kg/s].
+    pub nozzle_kg_s: f64,
+    /// Oxidiser over fuel, of the flow, or of the chamber's gas when that is a state; 0 without fuel.
+    pub of_ratio: f64,
+    /// Chamber pressure [Pa].
+    pub chamber_pa: f64,
+    /// Pressure between valve and injector, P2 [Pa].
+    pub injector_inlet_pa: f64,
+    /// Vapour mass fraction there.
+    pub quality: f64,
+    /// Thrust [N], never negative.
+    pub thrust_n: f64,
+    /// Thrust over weight flow of the nozzle [s]; 0 without flow.
+    pub isp_s: f64,
+    /// Growth of the port radius [m/s].
+    pub regression_rate_m_s: f64,
+    /// Growth of the throat radius [m/s].
+    pub throat_erosion_m_s: f64,
+    /// Rate of the chamber's gas; zero when quasi-steady.
+    pub chamber_gas_rate: ChamberGasRate,
+    /// State of the nozzle's hot flow.
+    pub nozzle_flow: NozzleFlow,
+    /// Whether the root was found; without it the numbers are the best known.
+    pub solved: bool,
+    /// Guess for the next call.
+    pub guess: Guess,
+}
+
+/// Accuracy of P2, relative to the tank's pressure: 6.5 mPa in 65 bar, 1e-6 N of thrust at most.
+const INLET_TOLERANCE: f64 = 1e-9;
+
+/// Quantities of one condition that every trial of the root shares.
+struct Setting<'a> {
+    engine: &'a Engine,
+    condition: &'a EngineCondition,
+    throat: Throat,
+    fuel_factor: f64,
+    /// Pc per flow and c*: η/(A_t C_d).
+    per_c_star: f64,
+    /// The same of unburnt gas: 1/(A_t C_d).
+    per_cold_c_star: f64,
+}
+
+/// Hot flow of some oxidiser, all of it burning at the steady O/F.
+struct Burning<'a> {
+    fuel_kg_s: f64,
+    of_ratio: f64,
+    mixture: Mixture<'a>,
+    pressure: ChamberPressure,
+}
+
+impl Engine {
+    /// From the tables of a vehicle file and the texts of the two CSV files they name.
+    pub fn new(
+        engine: &EngineParameters,
+        feed: &FeedParameters,
+        paper: &PaperMode,
+        texts: EngineTexts<'_>,
+    ) -> Result<Self, EngineError> {
+        engine.grain.validate().map_err(|e| e.within("engine.grain"))?;
+        engine.ignition.validate().map_err(|e| e.within("engine.ignition"))?;
+        let demand_kg_s = (paper.oxidizer_flow_min_kg_s, paper.oxidizer_flow_max_kg_s);
+        if demand_kg_s.0 >= demand_kg_s.1 {
+            let message = format!(
+                "{} kg/s is not above oxidizer_flow_min_kg_s = {} kg/s",
+                demand_kg_s.1, demand_kg_s.0
+            );
+            return Err(Invalid::new("paper_mode.oxidizer_flow_max_kg_s", message).into());
+        }
+        let map =
+            CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
+        let valve_area = ValveArea::read(texts.valve_area).map_err(EngineError::ValveArea)?;
+        valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
+        Ok(Self {
+            grain: engine.grain.clone(),
+            chamber: engine.chamber.clone(),
+            nozzle: engine.nozzle.clone(),
+            cold_flow_isp_s: engine.ignition.cold_flow_isp_s,
+            cold: ColdGas { c_star_m_s: engine.ignition.cold_flow_c_star_m_s },
+            full_above: engine.nozzle.surely_full_above(map.gamma_span()),
+            map,
+            valve_area,
+            valve_discharge_coefficient: feed.valve.discharge_coefficient,
+            injector_area_m2: feed.injector.effective_area_m2(),
+            demand_kg_s,
+        })
+    }
+
+    /// Open area of the valve against its angle.
+    pub fn valve_area(&self) -> &ValveArea {
+        &self.valve_area
+    }
+
+    /// The fuel grain.
+    pub fn grain(&self) -> &Grain {
+        &self.grain
+    }
+
+    /// The nozzle.
+    pub fn nozzle(&self) -> &Nozzle {
+        &self.nozzle
+    }
+
+    /// Gas of a chamber at rest: unburnt, at ambient pressure.
+    pub fn gas_at_rest(&self, condition: &EngineCondition) -> ChamberGas {
+        let volume_m3 = self.chamber.dead_volume_m3 + self.grain.port_volume_m3(condition.port_radius_m);
+        let oxidizer_kg = condition.ambient_pa * volume_m3 / self.cold.gas_constant_temperature_j_kg();
+        ChamberGas { oxidizer_kg, fuel_kg: 0.0 }
+    }
+
+    /// The forward problem: what the engine does with this much valve area open.
+    pub fn operating_point(
+        &self,
+        feed: &FeedMap,
+        valve_area_m2: f64,
+        condition: &EngineCondition,
+        guess: Guess,
+    ) -> OperatingPoint {
+        let setting = self.setting(condition);
+        let held = condition.chamber_gas.map(|gas| setting.held(gas));
+        let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
+        let tank_pa = feed.tank().pressure_pa;
+        let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
+        let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
+        if !(valve_m2 > 0.0 && limit_kg_s > 0.0 && tank_pa > least_pa) {
+            return setting.closed(held);
+        }
+
+        let mut log = guess.log_chamber_pressure;
+        let mut oxidizer_kg_s = 0.0;
+        let mut inlet = None;
+        // Flow that the injector would pass less flow that the valve gives: rises with P2.
+        let balance = |inlet_pa: f64| {
+            let state = feed.inlet(inlet_pa);
+            oxidizer_kg_s = (valve_m2 * state.valve_flux_kg_m2_s).min(limit_kg_s);
+            let chamber_pa = match &held {
+                Some(held) => held.pressure.pa,
+                None => setting.chamber_pa(oxidizer_kg_s, &mut log),
+            };
+            let injected_kg_s = self.injector_area_m2 * feed.injector_flux_kg_m2_s(&state, chamber_pa);
+            inlet = Some(state);
+            injected_kg_s - oxidizer_kg_s
+        };
+        let bracket = Bracket {
+            low: least_pa,
+            high: tank_pa,
+            guess: guess.injector_inlet_pa,
+            slope: Some(guess.slope_kg_s_pa),
+            tolerance: INLET_TOLERANCE * tank_pa,
+        };
+        let root = bracketed_root(bracket, balance);
+        let quality = inlet.map_or(0.0, |inlet| inlet.quality);
+        let next = Guess { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, log_chamber_pressure: log };
+        let found = Found {
+            injector_inlet_pa: root.x,
+            quality,
+            solved: root.status != RootStatus::Invalid,
+            guess: next,
+        };
+        match held {
+            Some(held) => setting.filling_point(oxidizer_kg_s, &held, found),
+            None => setting.steady_point(oxidizer_kg_s, found),
+        }
+    }
+
+    fn setting<'a>(&'a self, condition: &'a EngineCondition) -> Setting<'a> {
+        let nozzle = &self.nozzle;
+        let throat_radius_m = condition.throat_radius_m.min(nozzle.greatest_throat_radius_m());
+        let area_m2 = PI * throat_radius_m * throat_radius_m;
+        let fresh = throat_radius_m >= nozzle.throat_radius_m() * (1.0 - 1e-12);
+        let port_radius_m = condition.port_radius_m.min(self.grain.burn_through_radius_m());
+        let per_cold_c_star = 1.0 / (area_m2 * nozzle.discharge_coefficient);
+        Setting {
+            engine: self,
+            condition,
+            throat: Throat {
+                area_m2,
+                exit_area_m2: nozzle.exit_area_m2(),
+                ambient_pa: condition.ambient_pa,
+                full_above: if fresh { self.full_above } else { f64::INFINITY },
+            },
+            fuel_factor: self.grain.fuel_flow_factor(port_radius_m),
+            per_c_star: self.chamber.c_star_efficiency * per_cold_c_star,
+            per_cold_c_star,
+        }
+    }
+}
+
+/// Texts of the CSV files that a vehicle file names.
+#[derive(Clone, Copy, Debug)]
+pub struct EngineTexts<'a> {
+    /// `engine.map.file`.
+    pub map: &'a str,
+    /// `feed.valve.area_file`.
+    pub valve_area: &'a str,
+}
+
+/// What the root in P2 has found.
+struct Found {
+    injector_inlet_pa: f64,
+    quality: f64,
+    solved: bool,
+    guess: Guess,
+}
+
+/// State of a chamber whose gas is given.
+struct Held<'a> {
+    gas: ChamberGas,
+    of_ratio: f64,
+    mixture: Mixture<'a>,
+    pressure: ChamberPressure,
+    nozzle_kg_s: f64,
+}
+
+impl<'a> Setting<'a> {
+    /// Steady state of an oxidiser flow that burns altogether.
+    #[inline]
+    fn burning(&self, oxidizer_kg_s: f64, log_guess: f64) -> Burning<'a> {
+        let exponent = self.engine.grain.regression_exponent;
+        let fuel_kg_s = self.fuel_factor * libm::exp(exponent * libm::log(oxidizer_kg_s));
+        let of_ratio = oxidizer_kg_s / fuel_kg_s;
+        let mixture = self.engine.map.mixture(of_ratio);
+        let per_c_star = (oxidizer_kg_s + fuel_kg_s) * self.per_c_star;
+        let pressure =
+            steady_pressure(&self.engine.map, &mixture, per_c_star, self.condition.ambient_pa, log_guess);
+        Burning { fuel_kg_s, of_ratio, mixture, pressure }
+    }
+
+    /// Pressure of unburnt flow.
+    fn cold_pa(&self, oxidizer_kg_s: f64) -> f64 {
+        (self.engine.cold.c_star_m_s * oxidizer_kg_s * self.per_cold_c_star).max(self.condition.ambient_pa)
+    }
+
+    /// Chamber pressure of a flow; leaves a better guess in `log`.
+    #[inline]
+    fn chamber_pa(&self, oxidizer_kg_s: f64, log: &mut f64) -> f64 {
+        if oxidizer_kg_s <= 0.0 {
+            return self.condition.ambient_pa;
+        }
+        let f = self.condition.burning_fraction;
+        if f <= 0.0 {
+            return self.cold_pa(oxidizer_kg_s);
+        }
+        let hot = self.burning(oxidizer_kg_s, *log).pressure;
+        *log = hot.log;
+        if f >= 1.0 { hot.pa } else { f * hot.pa + (1.0 - f) * self.cold_pa(oxidizer_kg_s) }
+    }
+
+    /// Thrust and nozzle state of an oxidiser flow, with the pressure it has.
+    fn thrust(&self, oxidizer_kg_s: f64, hot: &Burning<'_>) -> (f64, NozzleFlow) {
+        let f = self.condition.burning_fraction.clamp(0.0, 1.0);
+        let (hot_n, flow) = self.engine.nozzle.thrust(&self.throat, &hot.mixture, hot.pressure);
+        let cold_n = STANDARD_GRAVITY_M_S2 * self.engine.cold_flow_isp_s * oxidizer_kg_s;
+        (f * hot_n + (1.0 - f) * cold_n, flow)
+    }
+
+    /// Whether fuel is left at this port radius.
+    fn fuel_left(&self) -> bool {
+        self.condition.port_radius_m < self.engine.grain.burn_through_radius_m()
+    }
+
+    /// Share of the fuel flow that burns off the grain.
+    fn burning_share(&self) -> f64 {
+        if self.fuel_left() { self.condition.burning_fraction.clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// Growth of the throat: hot flow erodes, cold flow does not.
+    fn erosion_m_s(&self, chamber_pa: f64) -> f64 {
+        let nozzle = &self.engine.nozzle;
+        if self.condition.throat_radius_m >= nozzle.greatest_throat_radius_m()
+            || nozzle.erosion_rate_m_s == 0.0
+        {
+            return 0.0;
+        }
+        let log = libm::log(chamber_pa / nozzle.erosion_pressure_pa);
+        self.condition.burning_fraction.clamp(0.0, 1.0) * nozzle.erosion_m_s(log)
+    }
+
+    fn regression_m_s(&self, fuel_kg_s: f64) -> f64 {
+        fuel_kg_s / self.engine.grain.fuel_per_regression_kg_m(self.condition.port_radius_m)
+    }
+
+    fn steady_point(&self, oxidizer_kg_s: f64, found: Found) -> OperatingPoint {
+        if oxidizer_kg_s <= 0.0 {
+            return self.closed(None);
+        }
+        let hot = self.burning(oxidizer_kg_s, found.guess.log_chamber_pressure);
+        let f = self.condition.burning_fraction.clamp(0.0, 1.0);
+        let (thrust_n, nozzle_flow) = self.thrust(oxidizer_kg_s, &hot);
+        let chamber_pa = f * hot.pressure.pa + (1.0 - f) * self.cold_pa(oxidizer_kg_s);
+        let fuel_kg_s = self.burning_share() * hot.fuel_kg_s;
+        let nozzle_kg_s = oxidizer_kg_s + fuel_kg_s;
+        OperatingPoint {
+            oxidizer_kg_s,
+            fuel_kg_s,
+            nozzle_kg_s,
+            of_ratio: if f >= 1.0 && fuel_kg_s > 0.0 {
+                hot.of_ratio
+            } else {
+                ratio(oxidizer_kg_s, fuel_kg_s)
+            },
+            chamber_pa,
+            injector_inlet_pa: found.injector_inlet_pa,
+            quality: found.quality,
+            thrust_n,
+            isp_s: thrust_n / (STANDARD_GRAVITY_M_S2 * nozzle_kg_s),
+            regression_rate_m_s: self.regression_m_s(fuel_kg_s),
+            throat_erosion_m_s: self.erosion_m_s(chamber_pa),
+            chamber_gas_rate: ChamberGasRate::default(),
+            nozzle_flow,
+            solved: found.solved,
+            guess: found.guess,
+        }
+    }
+
+    /// Pressure and outflow of the gas in the chamber.
+    fn held(&self, gas: ChamberGas) -> Held<'a> {
+        let engine = self.engine;
+        let (oxidizer_kg, fuel_kg) = (gas.oxidizer_kg.max(0.0), gas.fuel_kg.max(0.0));
+        let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
+        // Of the oxidiser only the burning share takes part; without fuel the map's lean end stands in.
+        let lean = engine.map.of_span().1;
+        let of_ratio = if fuel_kg > 0.0 { burning_fraction * oxidizer_kg / fuel_kg } else { lean };
+        let mixture = engine.map.mixture(of_ratio.min(lean));
+        let vessel = Vessel {
+            volume_m3: engine.chamber.dead_volume_m3
+                + engine.grain.port_volume_m3(self.condition.port_radius_m),
+            c_star_efficiency: engine.chamber.c_star_efficiency,
+            discharge_coefficient: engine.nozzle.discharge_coefficient,
+            burning_fraction,
+            cold: engine.cold,
+        };
+        let held = held_pressure(&engine.map, &mixture, oxidizer_kg + fuel_kg, &vessel, &self.throat);
+        Held {
+            gas: ChamberGas { oxidizer_kg, fuel_kg },
+            of_ratio: ratio(oxidizer_kg, fuel_kg),
+            mixture,
+            pressure: held.pressure,
+            nozzle_kg_s: held.nozzle_kg_s,
+        }
+    }
+
+    fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
+        let f = self.condition.burning_fraction.clamp(0.0, 1.0);
+        let exponent = self.engine.grain.regression_exponent;
+        let steady_fuel_kg_s = self.fuel_factor * libm::pow(oxidizer_kg_s.max(0.0), exponent);
+        let fuel_kg_s = self.burning_share() * steady_fuel_kg_s;
+        let (hot_n, nozzle_flow) = self.engine.nozzle.thrust(&self.throat, &held.mixture, held.pressure);
+        let cold_n = STANDARD_GRAVITY_M_S2 * self.engine.cold_flow_isp_s * held.nozzle_kg_s;
+        let thrust_n = if held.nozzle_kg_s > 0.0 { f * hot_n + (1.0 - f) * cold_n } else { 0.0 };
+        let total_kg = held.gas.oxidizer_kg + held.gas.fuel_kg;
+        let out_1_s = if total_kg > 0.0 { held.nozzle_kg_s / total_kg } else { 0.0 };
+        let burns = held.nozzle_kg_s > 0.0;
+        OperatingPoint {
+            oxidizer_kg_s,
+            fuel_kg_s,
+            nozzle_kg_s: held.nozzle_kg_s,
+            of_ratio: held.of_ratio,
+            chamber_pa: held.pressure.pa,
+            injector_inlet_pa: found.injector_inlet_pa,
+            quality: found.quality,
+            thrust_n,
+            isp_s: if burns { thrust_n / (STANDARD_GRAVITY_M_S2 * held.nozzle_kg_s) } else { 0.0 },
+            regression_rate_m_s: self.regression_m_s(fuel_kg_s),
+            throat_erosion_m_s: if burns { self.erosion_m_s(held.pressure.pa) } else { 0.0 },
+            chamber_gas_rate: ChamberGasRate {
+                oxidizer_kg_s: oxidizer_kg_s - out_1_s * held.gas.oxidizer_kg,
+                fuel_kg_s: fuel_kg_s - out_1_s * held.gas.fuel_kg,
+            },
+            nozzle_flow: if burns { nozzle_flow } else { NozzleFlow::Off },
+            solved: found.solved,
+            guess: found.guess,
+        }
+    }
+
+    /// No oxidiser flows; a chamber that still holds gas empties.
+    fn closed(&self, held: Option<Held<'_>>) -> OperatingPoint {
+        let ambient_pa = self.condition.ambient_pa;
+        if let Some(held) = held {
+            let guess = Guess { log_chamber_pressure: held.pressure.log, ..Guess::default() };
+            let found = Found { injector_inlet_pa: held.pressure.pa, quality: 0.0, solved: true, guess };
+            return self.filling_point(0.0, &held, found);
+        }
+        OperatingPoint {
+            oxidizer_kg_s: 0.0,
+            fuel_kg_s: 0.0,
+            nozzle_kg_s: 0.0,
+            of_ratio: 0.0,
+            chamber_pa: ambient_pa,
+            injector_inlet_pa: ambient_pa,
+            quality: 0.0,
+            thrust_n: 0.0,
+            isp_s: 0.0,
+            regression_rate_m_s: 0.0,
+            throat_erosion_m_s: 0.0,
+            chamber_gas_rate: ChamberGasRate::default(),
+            nozzle_flow: NozzleFlow::Off,
+            solved: true,
+            guess: Guess::default(),
+        }
+    }
+}
+
+/// Quotient that is 0 where it has no meaning.
+fn ratio(oxidizer: f64, fuel: f64) -> f64 {
+    if fuel > 0.0 { oxidizer / fuel } else { 0.0 }
+}
+>>>>>>> 4b3550a (Navigation takes its local frame from the environment's geodesy)
