@@ -14,6 +14,7 @@
 //! error on the world side. Flat, non-turning Earth: valid for flights of a minute within a kilometre.
 
 use super::alignment::{Aligned, Alignment};
+use crate::environment::geodesy::{Datum, Geodetic};
 use crate::frame::{Vec3, skew};
 use crate::signal::{AltimeterSample, BarometerSample, GnssFix, Measurement};
 use crate::time::SimTime;
@@ -165,7 +166,7 @@ pub struct Navigation {
     rate_body_rad_s: Vec3,
     specific_force_body_m_s2: Vec3,
     time: Option<SimTime>,
-    origin: Option<Vec3>,
+    datum: Option<Datum>,
     altimeter_offset_m: f64,
     gnss_refused: u32,
     altimeter_refused: u32,
@@ -208,7 +209,7 @@ impl Navigation {
             rate_body_rad_s: Vec3::zeros(),
             specific_force_body_m_s2: Vec3::zeros(),
             time: None,
-            origin: None,
+            datum: None,
             altimeter_offset_m: 0.0,
             gnss_refused: 0,
             altimeter_refused: 0,
@@ -264,9 +265,8 @@ impl Navigation {
         if let Some(fix) = a.fix {
             // Origin so that the mean fix is the antenna where it stands.
             let antenna = p.rest_ned_m + q * p.gnss.antenna_body_m;
-            let (north_m, east_m) = meters_per_radian(fix.x, fix.z);
-            self.origin =
-                Some(Vec3::new(fix.x - antenna.x / north_m, fix.y - antenna.y / east_m, fix.z + antenna.z));
+            let origin = Datum::new(fix.x, fix.y, fix.z).geodetic(&-antenna);
+            self.datum = Some(Datum::new(origin.latitude_rad, origin.longitude_rad, origin.altitude_m));
         }
         self.covariance = self.initial_covariance(a.fixes.max(1.0));
         self.aligned = true;
@@ -535,7 +535,7 @@ impl Navigation {
     }
 
     fn use_gnss(&mut self, fix: &GnssFix, time: SimTime) {
-        let Some(origin) = self.origin else { return };
+        let Some(datum) = self.datum else { return };
         if fix.fix_type < 3 {
             return;
         }
@@ -547,12 +547,11 @@ impl Navigation {
             past.velocity_ned_m_s + past.q_ned_from_body * past.rate_body_rad_s.cross(&lever);
         let antenna = past.position_ned_m + arm_ned;
 
-        let (north_m, east_m) = meters_per_radian(origin.x, origin.z);
-        let measured = Vec3::new(
-            (fix.latitude_rad - origin.x) * north_m,
-            (fix.longitude_rad - origin.y) * east_m,
-            origin.z - fix.altitude_m,
-        );
+        let measured = datum.position_ned_m(&Geodetic {
+            latitude_rad: fix.latitude_rad,
+            longitude_rad: fix.longitude_rad,
+            altitude_m: fix.altitude_m,
+        });
         let f_ned = self.now.q_ned_from_body * self.specific_force_body_m_s2;
         let late = skew(f_ned) * p.delay_s;
         let arm = -skew(arm_ned);
@@ -749,17 +748,6 @@ fn attitude_at_rest(a: &Aligned, p: &NavigationParameters) -> UnitQuaternion<f64
         _ => p.rest_heading_rad,
     };
     UnitQuaternion::from_axis_angle(&Vec3::z_axis(), heading - own) * level
-}
-
-/// Length of a radian of latitude and of longitude at a latitude [rad] and height [m]: WGS 84 radii of curvature.
-fn meters_per_radian(latitude_rad: f64, height_m: f64) -> (f64, f64) {
-    const SEMI_MAJOR_M: f64 = 6_378_137.0;
-    const ECCENTRICITY_2: f64 = 6.694_379_990_141_33e-3;
-    let (sine, cosine) = libm::sincos(latitude_rad);
-    let w2 = 1.0 - ECCENTRICITY_2 * sine * sine;
-    let prime_vertical = SEMI_MAJOR_M / w2.sqrt();
-    let meridian = prime_vertical * (1.0 - ECCENTRICITY_2) / w2;
-    (meridian + height_m, ((prime_vertical + height_m) * cosine).max(1.0))
 }
 
 fn square(x: f64) -> f64 {
