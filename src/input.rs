@@ -83,7 +83,15 @@ pub struct Document {
     file: String,
     text: String,
     value: Value,
-    overrides: Vec<String>,
+    overrides: Vec<Override>,
+}
+
+/// A value that the command line replaced.
+struct Override {
+    /// Dotted path in this document.
+    key: String,
+    /// The key as it was given.
+    given: String,
 }
 
 impl Document {
@@ -120,10 +128,16 @@ impl Document {
     /// Replaces or adds the value at the dotted path `key`; a number in the path indexes an array.
     /// Whether the key exists is judged by [`Document::read`].
     pub fn set(&mut self, key: &str, toml_value: &str) -> Result<(), InputError> {
+        self.set_given(key, key, toml_value)
+    }
+
+    /// The same for a key that the user gave as `given`, with the file's prefix; messages quote that.
+    pub fn set_given(&mut self, given: &str, key: &str, toml_value: &str) -> Result<(), InputError> {
         let fault = |message: String| InputError {
             file: "--set".to_owned(),
-            faults: vec![Fault { line: None, key: key.to_owned(), message }],
+            faults: vec![Fault { line: None, key: given.to_owned(), message }],
         };
+        let replaced = Override { key: key.to_owned(), given: given.to_owned() };
         let value = parse_value(toml_value).map_err(&fault)?;
         let mut at = &mut self.value;
         let mut parts = key.split('.').peekable();
@@ -136,7 +150,7 @@ impl Document {
                 Value::Table(table) => {
                     if last {
                         table.insert(part.to_owned(), value);
-                        self.overrides.push(key.to_owned());
+                        self.overrides.push(replaced);
                         return Ok(());
                     }
                     table.entry(part).or_insert_with(|| Value::Table(toml::Table::new()))
@@ -150,7 +164,7 @@ impl Document {
                         .ok_or_else(|| fault(format!("'{part}' is no index into {count} entries")))?;
                     if last {
                         *item = value;
-                        self.overrides.push(key.to_owned());
+                        self.overrides.push(replaced);
                         return Ok(());
                     }
                     item
@@ -180,18 +194,18 @@ impl Document {
         let mut faults: Vec<Fault> = faults
             .into_iter()
             .map(|fault| {
-                let overridden = self
-                    .overrides
-                    .iter()
-                    .any(|key| fault.key == *key || key.starts_with(&format!("{}.", fault.key)));
-                Fault {
-                    line: if overridden { None } else { self.line_of(&fault.key) },
-                    message: if overridden {
-                        format!("{} (given by --set)", fault.message)
-                    } else {
-                        fault.message
+                // Array indices may come as `a[3].b`; lines are found by `a.3.b`.
+                let key = fault.key.replace('[', ".").replace(']', "");
+                let by = self.overrides.iter().find(|o| {
+                    o.key == key || o.key.starts_with(&format!("{key}.")) || key.starts_with(&format!("{}.", o.key))
+                });
+                match by {
+                    Some(by) => Fault {
+                        line: None,
+                        message: format!("{} (given by --set {})", fault.message, by.given),
+                        key,
                     },
-                    key: fault.key,
+                    None => Fault { line: self.line_of(&key), message: fault.message, key },
                 }
             })
             .collect();
@@ -557,7 +571,7 @@ mod tests {
         d.set("inner.lenght_m", "0.7").unwrap();
         let e = d.read::<Outer>().unwrap_err().to_string();
         assert!(e.starts_with("f.toml: inner.lenght_m: unknown key"), "{e}");
-        assert!(e.ends_with("(given by --set)"), "{e}");
+        assert!(e.ends_with("(given by --set inner.lenght_m)"), "{e}");
         assert!(d.set("inner.length_m.x", "1").is_err());
         assert!(d.set("parts.9.length_m", "1").is_err());
         assert!(d.set("inner.length_m", "1\nx = 2").is_err());

@@ -60,7 +60,7 @@ pub fn kind(document: &Document) -> Result<Kind, InputError> {
 pub fn vehicle(path: &Path, overrides: &Overrides) -> Result<Vehicle, InputError> {
     let mut document = document(path)?;
     for (key, value) in pairs(overrides)? {
-        document.set(key.strip_prefix("vehicle.").unwrap_or(key), value)?;
+        document.set_given(key, key.strip_prefix("vehicle.").unwrap_or(key), value)?;
     }
     vehicle_of(path, &document)
 }
@@ -93,7 +93,7 @@ pub fn scenario(path: &Path, overrides: &Overrides, commands: Option<&Path>) -> 
     let vehicle_path = folder.join(&file.vehicle);
     let mut vehicle_document = document(&vehicle_path)?;
     for (key, value) in vehicle_overrides {
-        vehicle_document.set(key, value)?;
+        vehicle_document.set_given(&format!("vehicle.{key}"), key, value)?;
     }
     let vehicle = vehicle_of(&vehicle_path, &vehicle_document)?;
     let schedule_path: Option<PathBuf> =

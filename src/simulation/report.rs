@@ -37,7 +37,8 @@ pub struct Report {
     pub state_hash: String,
     /// Folder of the run, if one was written.
     pub run: Option<String>,
-    /// Values that replaced those of the files, `KEY=VALUE`.
+    /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
 }
 

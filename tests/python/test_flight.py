@@ -31,7 +31,7 @@ def hovering(sensor, pilot):
 
 @pytest.mark.parametrize("fc", ["udp", "tcp-listen", "serial"])
 def test_scripted_controller_hops(bench, fc):
-    run = bench("hover_5m", fc=fc, **LOCKSTEP_FAST)
+    run = bench("hover_5m", fc=fc, profile="generic", **LOCKSTEP_FAST)
     answer(run, Pilot())
     result = run.result()
     assert result.code == 0, result.stdout

@@ -9,7 +9,7 @@ from hopbench_bench import Bench
 @pytest.mark.parametrize("fc", ["udp", "tcp-listen", "serial"])
 def test_garbage_is_counted_and_does_no_harm(bench, fc):
     chance = random.Random(1)
-    run = bench("hover_5m", fc=fc, lockstep=True, fast=True, sets={"arm_wait_s": 4})
+    run = bench("hover_5m", fc=fc, profile="generic", lockstep=True, fast=True, sets={"arm_wait_s": 4})
     answered = 0
     for sensor in run.sensors():
         kind = chance.randrange(4)
@@ -38,7 +38,7 @@ def controls_frame(run, time_usec):
 @pytest.mark.parametrize("fc", ["udp", "tcp-listen", "serial"])
 def test_a_flood_of_random_bytes_ends_nothing(bench, fc):
     chance = random.Random(2)
-    run = bench("hover_5m", fc=fc, lockstep=False)
+    run = bench("hover_5m", fc=fc, profile="generic", lockstep=False)
     first = run.recv_sensor(timeout_s=5.0)
     for _ in range(200):
         run.send_bytes(chance.randbytes(1000))
