@@ -175,7 +175,10 @@ impl<'a> Bench<'a> {
             match self.stage {
                 Stage::Waiting => self.wait_for_somebody(),
                 _ if self.in_lockstep() => self.step_and_await(),
-                Stage::Fallback if self.options.fast => self.step_and_send(),
+                Stage::Fallback if self.options.fast => {
+                    self.receive();
+                    self.step_and_send();
+                }
                 _ => {
                     let next_us = self.flight.time().us() + self.step_us();
                     self.clock.wait_until(next_us);
@@ -204,13 +207,7 @@ impl<'a> Bench<'a> {
 
     /// Simulated time stands still until there is somebody to send to.
     fn wait_for_somebody(&mut self) {
-        let now = now_ns();
-        if self.options.profile.heartbeat != Heartbeat::Never && now >= self.figures.next_heartbeat_ns {
-            let eager = self.options.profile.heartbeat == Heartbeat::EagerUntilAnswered
-                && self.fc.heartbeat.is_none();
-            self.figures.next_heartbeat_ns = now + if eager { 100_000_000 } else { 1_000_000_000 };
-            self.streams.put_heartbeat();
-        }
+        self.beat();
         self.flush();
         self.link.wait(Instant::now() + Duration::from_millis(20));
         self.receive();
@@ -218,6 +215,18 @@ impl<'a> Bench<'a> {
             self.stage = Stage::Pad;
             self.clock.rebase(self.flight.time().us());
         }
+    }
+
+    /// Heartbeats by the wall clock, while nothing else is sent.
+    fn beat(&mut self) {
+        let now = now_ns();
+        if self.options.profile.heartbeat == Heartbeat::Never || now < self.figures.next_heartbeat_ns {
+            return;
+        }
+        let eager =
+            self.options.profile.heartbeat == Heartbeat::EagerUntilAnswered && self.fc.heartbeat.is_none();
+        self.figures.next_heartbeat_ns = now + if eager { 100_000_000 } else { 1_000_000_000 };
+        self.streams.put_heartbeat();
     }
 
     fn step_and_send(&mut self) {
@@ -274,6 +283,7 @@ impl<'a> Bench<'a> {
         self.figures.steps += 1;
         self.consult();
         if !self.may_stream() {
+            self.beat();
             return;
         }
         let time = self.flight.time();

@@ -1,6 +1,6 @@
 //! `hopbench autopilot`: the built-in autopilot as a MAVLink flight controller of its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
@@ -62,7 +62,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
 
 /// The built-in autopilot, told what a scenario's vehicle and mission are.
 pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: ThrottleKind) -> Result<Pilot> {
-    let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
+    let environment = Environment::new(&scenario.site, &scenario.file.wind)
+        .map_err(|fault| load::contradiction(Path::new(&scenario.name), fault))?;
     let mut parameters = outfit::autopilot(scenario, &environment, instruments);
     parameters.actuators.throttle_output = match scenario.vehicle.controls.speaks(throttle) {
         ThrottleKind::Thrust => ThrottleOutput::Thrust,
