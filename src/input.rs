@@ -197,7 +197,9 @@ impl Document {
                 // Array indices may come as `a[3].b`; lines are found by `a.3.b`.
                 let key = fault.key.replace('[', ".").replace(']', "");
                 let by = self.overrides.iter().find(|o| {
-                    o.key == key || o.key.starts_with(&format!("{key}.")) || key.starts_with(&format!("{}.", o.key))
+                    o.key == key
+                        || o.key.starts_with(&format!("{key}."))
+                        || key.starts_with(&format!("{}.", o.key))
                 });
                 match by {
                     Some(by) => Fault {

@@ -20,6 +20,7 @@ pub mod stream;
 pub mod bench;
 pub mod live;
 pub mod pilot;
+pub mod report;
 
 // The program.
 pub mod command;

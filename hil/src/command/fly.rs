@@ -10,11 +10,12 @@ use anyhow::{Context, Result};
 use hdrhistogram::Histogram;
 use hopbench::input::{Fault, InputError};
 use hopbench::plant::Snapshot;
+use hopbench::simulation;
 use hopbench::simulation::report::Percentiles;
-use hopbench::simulation::{self, Report};
 
 use super::{Common, DONE, UNEXPECTED, print_json};
 use crate::load;
+use crate::report::{RunFolder, summary};
 
 /// Fly a scenario in memory: built-in autopilot, or an open-loop schedule
 #[derive(Debug, clap::Args)]
@@ -50,6 +51,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Err(load::unusable(&args.scenario, "sensors.enabled = false needs a command schedule").into());
     }
     let seed = common.seed.unwrap_or(scenario.file.seed);
+    let folder = common.out.as_deref().map(RunFolder::create).transpose()?;
     let mut table = args.csv.as_deref().map(|path| Table::create(path, args.csv_rate)).transpose()?;
 
     let start = Instant::now();
@@ -73,8 +75,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.timing.realtime_factor = report.timing.simulated_s / wall_s;
     report.timing.step_us = cost.percentiles();
     report.overrides = common.set.clone();
-    if let Some(folder) = &common.out {
-        write_run(folder, &mut report)?;
+    if let Some(folder) = &folder {
+        folder.write(&mut report)?;
     }
     if common.json {
         print_json(&report)?;
@@ -146,70 +148,4 @@ impl Table {
     fn finish(mut self) -> Result<()> {
         self.writer.flush().with_context(|| format!("cannot write {}", self.path.display()))
     }
-}
-
-/// Leaves the report in the run's folder and notes the folder in it.
-pub fn write_run(folder: &Path, report: &mut Report) -> Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    report.run = Some(folder.display().to_string());
-    let path = folder.join("report.json");
-    std::fs::write(&path, serde_json::to_string_pretty(report)? + "\n")
-        .with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// The report for people.
-pub fn summary(report: &Report) -> String {
-    use std::fmt::Write;
-    let mut text = String::new();
-    let mut line = |l: String| {
-        let _ = writeln!(text, "{l}");
-    };
-    let outcome = serde_json::to_value(report.outcome).ok();
-    let outcome = outcome.as_ref().and_then(|o| o.as_str()).unwrap_or("?");
-    line(format!("{} (seed {}): {outcome}", report.scenario, report.seed));
-    for event in &report.events {
-        line(format!("  {:>8.3} s  {:<18} {}", event.time_s, event.name, event.detail));
-    }
-    if let Some(t) = &report.touchdown {
-        line(format!(
-            "touchdown      {:.2} m/s down, {:.2} m/s across, tilt {:.2} deg, {:.2} m from the target",
-            t.vertical_speed_m_s, t.lateral_speed_m_s, t.tilt_deg, t.position_error_m
-        ));
-        if let (Some(control), Some(navigation)) = (t.control_error_m, t.navigation_error_m) {
-            line(format!("               control error {control:.2} m, navigation error {navigation:.2} m"));
-        }
-    }
-    line(format!("highest        {:.2} m", report.max_altitude_m));
-    if let Some(h) = &report.hover {
-        line(format!(
-            "hover          {:.1} s, height {:.3} m RMS, sideways {:.3} m RMS",
-            h.duration_s, h.altitude_rms_m, h.lateral_rms_m
-        ));
-    }
-    let p = &report.propellant;
-    line(format!(
-        "used           N2O {:.3} kg ({:.3} left), fuel {:.3} kg ({:.3} left), nitrogen {:.3} kg by thrusters, {:.3} vented",
-        p.nitrous_used_kg,
-        p.nitrous_left_kg,
-        p.fuel_used_kg,
-        p.fuel_left_kg,
-        p.nitrogen_rcs_kg,
-        p.nitrogen_vented_kg
-    ));
-    let m = &report.mass;
-    line(format!(
-        "mass           {:.3} kg to {:.3} kg, closure error {:.1e} kg",
-        m.initial_kg, m.final_kg, m.closure_error_kg
-    ));
-    let t = &report.timing;
-    line(format!(
-        "time           {:.3} s in {:.3} s, {:.0} x real time, {} steps, {} overruns",
-        t.simulated_s, t.wall_s, t.realtime_factor, t.steps, t.overruns
-    ));
-    for item in &report.expect.items {
-        let mark = if item.passed { "ok    " } else { "FAILED" };
-        line(format!("expect {mark}  {:<36} {} (limit {})", item.name, item.value, item.limit));
-    }
-    line(format!("state hash     {}", report.state_hash));
-    text
 }

@@ -11,13 +11,13 @@ use hopbench::input::{Fault, InputError};
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
-use super::fly::{summary, write_run};
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json};
 use crate::bench::{Belief, Bench, Options};
 use crate::link::{Link, LinkSpec};
 use crate::live::Live;
 use crate::load;
 use crate::profile::{self, Budget, Pacing, Profile, SensorRates};
+use crate::report::{RunFolder, summary};
 
 /// Put a flight controller on the bench: the plant in real time or in lockstep, MAVLink on the wire
 #[derive(Debug, clap::Args)]
@@ -71,6 +71,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut flight = Flight::with(&scenario, seed, &instruments)
         .map_err(|fault| load::contradiction(&args.scenario, fault))?;
 
+    let folder = match &common.out {
+        Some(path) => RunFolder::create(path)?,
+        None => RunFolder::for_run_of(&scenario.name)?,
+    };
     let spec = match &args.fc {
         Some(spec) => spec.clone(),
         None => "udp-listen:127.0.0.1:0".parse()?,
@@ -105,14 +109,14 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.timing = timing;
     report.link = Some(link_report);
     report.overrides = common.set.clone();
-    if let Some(folder) = &common.out {
-        write_run(folder, &mut report)?;
-    }
+    // The verdict is printed whatever becomes of the disk.
+    let kept = folder.write(&mut report);
     if common.json {
         print_json(&report)?;
     } else {
         print!("{}", summary(&report));
     }
+    kept?;
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
 }
 
