@@ -26,19 +26,6 @@ pub enum EngineError {
     /// The valve's area table.
     #[error("valve area: {0}")]
     ValveArea(TableError),
-    /// Thrust that does not rise with the oxidiser flow: a thrust would have no one valve angle.
-    #[error(
-        "propulsion map: thrust does not rise with oxidiser flow near {flow_kg_s} kg/s \
-         (port radius {port_radius_m} m, O/F {of_ratio:.3})"
-    )]
-    ThrustFalls {
-        /// Oxidiser flow at which it falls.
-        flow_kg_s: f64,
-        /// Port radius at which it falls.
-        port_radius_m: f64,
-        /// Mixture ratio there.
-        of_ratio: f64,
-    },
     /// Parameters that contradict each other; the key is relative to the vehicle file.
     #[error(transparent)]
     Parameter(#[from] Invalid),
@@ -189,7 +176,7 @@ impl Engine {
     }
 
     /// Thrust must rise with the flow over the whole range of demands, fresh and nearly burnt through.
-    fn require_rising_thrust(&self) -> Result<(), EngineError> {
+    fn require_rising_thrust(&self) -> Result<(), Invalid> {
         const SAMPLES: u32 = 200;
         let (least, most) = self.demand_kg_s;
         for port_radius_m in [self.grain.port_radius_m, self.grain.burn_through_radius_m()] {
@@ -208,11 +195,12 @@ impl Engine {
                 let hot = setting.burning(flow_kg_s, 0.0);
                 let (thrust_n, _) = setting.thrust(flow_kg_s, &hot);
                 if thrust_n <= before_n {
-                    return Err(EngineError::ThrustFalls {
-                        flow_kg_s,
-                        port_radius_m,
-                        of_ratio: hot.of_ratio,
-                    });
+                    let of = hot.of_ratio;
+                    let message = format!(
+                        "thrust does not rise with oxidiser flow near {flow_kg_s} kg/s \
+                         (port radius {port_radius_m} m, O/F {of:.3}): a thrust would have no one valve angle"
+                    );
+                    return Err(Invalid::new("engine.map.file", message));
                 }
                 before_n = thrust_n;
             }
@@ -262,14 +250,17 @@ impl Engine {
 
         let mut log = guess.log_chamber_pressure;
         let mut oxidizer_kg_s = 0.0;
-        let mut inlet = None;
+        let (mut inlet, mut hot) = (None, None);
         // Flow that the injector would pass less flow that the valve gives: rises with P2.
         let balance = |inlet_pa: f64| {
             let state = feed.inlet(inlet_pa);
             oxidizer_kg_s = (valve_m2 * state.valve_flux_kg_m2_s).min(limit_kg_s);
             let chamber_pa = match &held {
                 Some(held) => held.pressure.pa,
-                None => setting.chamber_pa(oxidizer_kg_s, &mut log),
+                None => {
+                    hot = setting.burning_share_of(oxidizer_kg_s, &mut log);
+                    setting.mixed_pa(oxidizer_kg_s, hot.as_ref())
+                }
             };
             let injected_kg_s = self.injector_area_m2 * feed.injector_flux_kg_m2_s(&state, chamber_pa);
             inlet = Some(state);
@@ -293,7 +284,7 @@ impl Engine {
         };
         match held {
             Some(held) => setting.filling_point(oxidizer_kg_s, &held, found),
-            None => setting.steady_point(oxidizer_kg_s, found),
+            None => setting.steady_point(oxidizer_kg_s, hot, found),
         }
     }
 
@@ -366,18 +357,31 @@ impl<'a> Setting<'a> {
     }
 
     /// Chamber pressure of a flow; leaves a better guess in `log`.
-    #[inline]
     pub(super) fn chamber_pa(&self, oxidizer_kg_s: f64, log: &mut f64) -> f64 {
-        if oxidizer_kg_s <= 0.0 {
-            return self.condition.ambient_pa;
+        let hot = self.burning_share_of(oxidizer_kg_s, log);
+        self.mixed_pa(oxidizer_kg_s, hot.as_ref())
+    }
+
+    /// The burning flow if anything burns; leaves a better guess in `log`.
+    #[inline]
+    fn burning_share_of(&self, oxidizer_kg_s: f64, log: &mut f64) -> Option<Burning<'a>> {
+        if oxidizer_kg_s <= 0.0 || self.condition.burning_fraction <= 0.0 {
+            return None;
         }
+        let hot = self.burning(oxidizer_kg_s, *log);
+        *log = hot.pressure.log;
+        Some(hot)
+    }
+
+    /// Pressure of a flow of which some burns and the rest does not.
+    #[inline]
+    fn mixed_pa(&self, oxidizer_kg_s: f64, hot: Option<&Burning<'_>>) -> f64 {
         let f = self.condition.burning_fraction;
-        if f <= 0.0 {
-            return self.cold_pa(oxidizer_kg_s);
+        match hot {
+            None => self.cold_pa(oxidizer_kg_s),
+            Some(hot) if f >= 1.0 => hot.pressure.pa,
+            Some(hot) => f * hot.pressure.pa + (1.0 - f) * self.cold_pa(oxidizer_kg_s),
         }
-        let hot = self.burning(oxidizer_kg_s, *log).pressure;
-        *log = hot.log;
-        if f >= 1.0 { hot.pa } else { f * hot.pa + (1.0 - f) * self.cold_pa(oxidizer_kg_s) }
     }
 
     /// Thrust and nozzle state of an oxidiser flow, with the pressure it has.
@@ -414,14 +418,14 @@ impl<'a> Setting<'a> {
         fuel_kg_s / self.engine.grain.fuel_per_regression_kg_m(self.condition.port_radius_m)
     }
 
-    fn steady_point(&self, oxidizer_kg_s: f64, found: Found) -> OperatingPoint {
+    fn steady_point(&self, oxidizer_kg_s: f64, hot: Option<Burning<'_>>, found: Found) -> OperatingPoint {
         if oxidizer_kg_s <= 0.0 {
             return self.closed(None);
         }
-        let hot = self.burning(oxidizer_kg_s, found.guess.log_chamber_pressure);
+        let chamber_pa = self.mixed_pa(oxidizer_kg_s, hot.as_ref());
+        let hot = hot.unwrap_or_else(|| self.burning(oxidizer_kg_s, found.guess.log_chamber_pressure));
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let (thrust_n, nozzle_flow) = self.thrust(oxidizer_kg_s, &hot);
-        let chamber_pa = f * hot.pressure.pa + (1.0 - f) * self.cold_pa(oxidizer_kg_s);
         let fuel_kg_s = self.burning_share() * hot.fuel_kg_s;
         let nozzle_kg_s = oxidizer_kg_s + fuel_kg_s;
         OperatingPoint {

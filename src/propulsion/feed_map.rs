@@ -137,11 +137,12 @@ impl FeedMap {
 
         // Where the injector's choking pressure enters the table's range, and where its peak moves to the kink.
         let (floor_pa, tank) = (Nitrous::LEAST_PA, self.tank);
-        let choking_enters_pa = self.first_true(floor_pa, self.flash_pa, |map, pa| {
-            map.injector_critical(n2o, pa, true).pressure_pa > floor_pa * (1.0 + 1e-9)
+        let choking_enters_pa = self.zero_of(floor_pa, self.flash_pa, |map, pa| {
+            let critical = map.injector_critical(n2o, pa, true);
+            if critical.pressure_pa > floor_pa * (1.0 + 1e-9) { 1.0 } else { -1.0 }
         });
-        let peak_moves_pa = self.first_true(self.flash_pa, tank.pressure_pa, |map, pa| {
-            map.injector_critical(n2o, pa, false).onset >= 1.0
+        let peak_moves_pa = self.zero_of(self.flash_pa, tank.pressure_pa, |map, pa| {
+            map.injector_critical(n2o, pa, false).onset - 1.0
         });
         let kinks = [
             valve.pressure_pa,
@@ -356,9 +357,9 @@ impl FeedMap {
         n2o.critical(&self.state_2(n2o, inlet_pa, flashing).0, 0.8 * inlet_pa)
     }
 
-    /// Least pressure in a range from which a condition holds; the end if it never does.
-    fn first_true(&self, from: f64, to: f64, holds: impl Fn(&Self, f64) -> bool) -> f64 {
+    /// Pressure in a range at which a function that rises with it passes zero, or the end nearest to that.
+    fn zero_of(&self, from: f64, to: f64, f: impl Fn(&Self, f64) -> f64) -> f64 {
         let bracket = Bracket { low: from, high: to, guess: f64::NAN, slope: None, tolerance: 0.01 };
-        bracketed_root(bracket, |pa| if holds(self, pa) { 1.0 } else { -1.0 }).x
+        bracketed_root(bracket, |pa| f(self, pa)).x
     }
 }
