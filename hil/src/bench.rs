@@ -232,8 +232,9 @@ impl<'a> Bench<'a> {
     fn step_and_send(&mut self) {
         self.step();
         if self.flight.measurement().is_some() {
-            self.flush();
             self.note_sent();
+            self.flush();
+            self.consult();
         }
     }
 
@@ -251,8 +252,10 @@ impl<'a> Bench<'a> {
             }
         }
         self.fc.answered = false;
-        self.flush();
         self.note_sent();
+        self.flush();
+        // While the flight controller thinks.
+        self.consult();
         let start = Instant::now();
         let deadline = start + self.options.lockstep_timeout;
         loop {
@@ -281,7 +284,6 @@ impl<'a> Bench<'a> {
         self.flight.step(&self.command);
         self.figures.step_cost.record_ns(now_ns() - start_ns);
         self.figures.steps += 1;
-        self.consult();
         if !self.may_stream() {
             self.beat();
             return;
@@ -297,10 +299,8 @@ impl<'a> Bench<'a> {
     }
 
     /// The built-in autopilot: flies in the fallback, shadows before, and is asked what it believes.
+    /// After the samples have left: the other end need not wait for it.
     fn consult(&mut self) {
-        if self.flight.measurement().is_none() {
-            return;
-        }
         if self.stage == Stage::Fallback && self.scenario.file.on_fc_loss == OnFcLoss::Autopilot {
             if let Some(command) = self.flight.autopilot_command() {
                 self.command = command;
