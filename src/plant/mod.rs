@@ -112,7 +112,9 @@ struct Held {
     grip: Grip,
     anchors: Anchors,
     feed: FeedMap,
+    /// Where the engine's solver looks first, and how that moved in the last step.
     guess: Guess,
+    guess_trend: Guess,
     modulator: Modulator,
     /// Share of the step in which the valves of each thruster pair are open.
     rcs_open: PairLevels,
@@ -124,6 +126,33 @@ struct Held {
     nitrous_depleted: bool,
     bottle_low: bool,
     saturated: bool,
+}
+
+impl Held {
+    /// Where the solver looks first, `share` of a step on: as it moved in the last step.
+    fn guess_at(&self, share: f64) -> Guess {
+        Guess {
+            injector_inlet_pa: self.guess.injector_inlet_pa + share * self.guess_trend.injector_inlet_pa,
+            log_chamber_pressure: self.guess.log_chamber_pressure
+                + share * self.guess_trend.log_chamber_pressure,
+            ..self.guess
+        }
+    }
+
+    /// Takes in the solution at the end of a step.
+    fn look_from(&mut self, next: Guess) {
+        let settled = self.guess.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
+        self.guess_trend = if settled {
+            Guess {
+                injector_inlet_pa: next.injector_inlet_pa - self.guess.injector_inlet_pa,
+                log_chamber_pressure: next.log_chamber_pressure - self.guess.log_chamber_pressure,
+                slope_kg_s_pa: 0.0,
+            }
+        } else {
+            Guess::default()
+        };
+        self.guess = next;
+    }
 }
 
 /// What the engine controller made of the throttle, and when.
@@ -249,6 +278,7 @@ impl Plant {
                 anchors: Anchors::default(),
                 feed: FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k),
                 guess: Guess::default(),
+                guess_trend: Guess::default(),
                 modulator: Modulator::default(),
                 rcs_open: PairLevels::default(),
                 demand: Demand {
@@ -490,8 +520,12 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let engine =
-            vehicle.engine.operating_point(&held.feed, open_area_m2, &self.condition(state), held.guess);
+        let engine = vehicle.engine.operating_point(
+            &held.feed,
+            open_area_m2,
+            &self.condition(state),
+            held.guess_at(share),
+        );
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
@@ -700,7 +734,7 @@ impl Plant {
     fn settle(&mut self) {
         let now = self.evaluate(&self.state, 0.0);
         self.snapshot = self.snapshot_of(&now);
-        self.held.guess = now.engine.guess;
+        self.held.look_from(now.engine.guess);
 
         // What integration may leave a rounding below zero.
         self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);

@@ -35,7 +35,9 @@ pub use ignition::{BelowMinimum, Depletion, Flame, FlameConditions, Ignition};
 pub use injector::Injector;
 pub use inverse::Inverse;
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
-pub use pressurant::{Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, Regulator};
+pub use pressurant::{
+    Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, PressurantGas, Regulator,
+};
 pub use reaction_control::{Drive, Modulator, Pair, PairLevels, ReactionControl, Thruster, ThrusterLoads};
 pub use valve::{Valve, ValveArea};
 

@@ -9,7 +9,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::fluid::Nitrogen;
+use crate::fluid::{Isotherm, Nitrogen};
 use crate::interpolate::{Bracket, bracketed_root};
 
 /// Bottle and regulator: the `[pressurant]` table.
@@ -90,6 +90,15 @@ impl Regulator {
     }
 }
 
+/// The nitrogen at its two temperatures.
+#[derive(Clone, Debug)]
+pub struct PressurantGas {
+    /// In the bottle.
+    pub bottle: Isotherm,
+    /// Above the liquid.
+    pub ullage: Isotherm,
+}
+
 /// What the nitrogen's distribution depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct NitrogenInventory {
@@ -97,8 +106,6 @@ pub struct NitrogenInventory {
     pub total_kg: f64,
     /// Volume above the liquid in the run tank [m³].
     pub ullage_m3: f64,
-    /// Temperature of the gas above the liquid [K].
-    pub ullage_k: f64,
     /// Flow of nitrogen into the tank, of the last step [kg/s].
     pub flow_kg_s: f64,
     /// Ambient pressure, below which the tank does not fall [Pa].
@@ -128,26 +135,25 @@ impl Pressurant {
     }
 
     /// Distributes the nitrogen between bottle and tank.
-    pub fn distribute(&self, inventory: &NitrogenInventory) -> NitrogenState {
-        let n2 = Nitrogen::tables();
-        let NitrogenInventory { total_kg, ullage_m3, ullage_k, flow_kg_s, ambient_pa } = *inventory;
-        let (bottle_m3, bottle_k) = (self.bottle.volume_m3, self.bottle.temperature_k);
+    pub fn distribute(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
+        let NitrogenInventory { total_kg, ullage_m3, flow_kg_s, ambient_pa } = *inventory;
+        let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;
         let total_kg = total_kg.max(0.0);
-        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * n2.density_kg_m3(tank_pa, ullage_k);
+        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
 
         let outlet_pa = self.regulator.outlet_pa(flow_kg_s);
         let tank_kg = in_tank_kg(outlet_pa);
         let bottle_kg = total_kg - tank_kg;
         if bottle_kg > 0.0 {
-            let bottle_pa = n2.pressure_pa(bottle_kg / bottle_m3, bottle_k);
+            let bottle_pa = gas.bottle.pressure_pa(bottle_kg / bottle_m3);
             if bottle_pa >= outlet_pa + drop_pa {
                 return NitrogenState { tank_pa: outlet_pa, bottle_pa, tank_kg, bottle_kg, regulated: true };
             }
         }
         // Blow-down: the tank pressure at which both volumes hold the whole mass.
         let excess_kg = |tank_pa: f64| {
-            in_tank_kg(tank_pa) + bottle_m3 * n2.density_kg_m3(tank_pa + drop_pa, bottle_k) - total_kg
+            in_tank_kg(tank_pa) + bottle_m3 * gas.bottle.density_kg_m3(tank_pa + drop_pa) - total_kg
         };
         let low = ambient_pa.min(outlet_pa);
         let tank_pa = if excess_kg(low) >= 0.0 {
@@ -158,7 +164,7 @@ impl Pressurant {
         };
         let tank_kg = in_tank_kg(tank_pa).min(total_kg);
         let bottle_kg = total_kg - tank_kg;
-        let bottle_pa = n2.pressure_pa(bottle_kg / bottle_m3, bottle_k);
+        let bottle_pa = gas.bottle.pressure_pa(bottle_kg / bottle_m3);
         NitrogenState { tank_pa, bottle_pa, tank_kg, bottle_kg, regulated: false }
     }
 }

@@ -188,6 +188,9 @@ impl ReactionControl {
         let supply = (supply_pa / self.supply_minimum_pa).clamp(0.0, 1.0);
         let mut loads =
             ThrusterLoads { force_body_n: Vec3::zeros(), moment_body_n_m: Vec3::zeros(), nitrogen_kg_s: 0.0 };
+        if levels.a <= 0.0 && levels.b <= 0.0 {
+            return loads;
+        }
         for thruster in &self.thruster {
             let level = match thruster.pair {
                 Pair::A => levels.a,
