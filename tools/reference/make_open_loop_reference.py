@@ -104,6 +104,10 @@ class Nitrous:
         (hl, vl, sl), (hv, vv, sv) = out
         return hl, hv, vl, vv, sl, sv
 
+    def saturation_temperature(self, p):
+        self.fluid.update(CoolProp.PQ_INPUTS, p, 0.0)
+        return self.fluid.T()
+
     def hem(self, p, h_up, s_up):
         """Flux of homogeneous equilibrium at pressure p on the isentrope."""
         hl, hv, vl, vv, sl, sv = (curve(p) for curve in self.saturated)
@@ -132,12 +136,11 @@ class Nitrous:
                 x = (self.h1 - hl) / (hv - hl)
                 rho, s, vapour = 1.0 / (vl + x * (vv - vl)), sl + x * (sv - sl), p
             else:
-                # On the flash point itself CoolProp may answer either side; it is the saturated liquid.
-                if p == self.flash_pa:
-                    self.fluid.update(CoolProp.PQ_INPUTS, p, 0.0)
-                else:
-                    self.fluid.update(CoolProp.HmassP_INPUTS, self.h1, p)
-                rho, s, x, temperature = self.fluid.rhomass(), self.fluid.smass(), 0.0, self.fluid.T()
+                # CoolProp's own inversion in (h, P) is good to 1e-8 only; this one goes to round-off.
+                temperature = brentq(
+                    lambda t: self.liquid(CoolProp.PT_INPUTS, p, t)[1] - self.h1, 270.0, 295.0, xtol=1e-11, rtol=1e-15
+                ) if p > self.flash_pa else self.saturation_temperature(p)
+                rho, s, x = self.fluid.rhomass(), self.fluid.smass(), 0.0
                 self.fluid.update(CoolProp.QT_INPUTS, 0.0, temperature)
                 vapour = self.fluid.p()
             rows.append((rho, vapour, x, *self.choke(self.h1, s, p)))
