@@ -4,13 +4,16 @@
 use std::path::Path;
 
 use hopbench::input::Document;
-use hopbench::plant::Snapshot;
+use hopbench::plant::{Plant, Snapshot, State};
 use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
 use hopbench::simulation::fly;
+use hopbench::time::SimTime;
 use hopbench::vehicle::{Vehicle, VehicleFile};
 
 /// Steps between two rows of a reference file, 10 Hz.
 const STEPS_PER_ROW: usize = 100;
+/// The same in microseconds.
+const INTERVAL_US: u64 = 100_000;
 
 fn text(path: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
@@ -102,4 +105,66 @@ fn run_b_quasi_steady_swing() {
 #[test]
 fn run_b_filling_swing() {
     compare("b_filling_swing", "b", "filling", true);
+}
+
+const VARIANTS: [(&str, &str, bool); 5] = [
+    ("a", "quasi_steady", false),
+    ("a", "filling", false),
+    ("b", "quasi_steady", false),
+    ("b", "quasi_steady", true),
+    ("b", "filling", true),
+];
+
+/// States at a regular interval, flown at a step.
+fn stepped(scenario: &Scenario, step: SimTime, end: SimTime) -> Vec<State> {
+    let schedule = scenario.schedule.as_ref().unwrap();
+    let mut plant = Plant::with_step(scenario, step).unwrap();
+    let mut states = Vec::new();
+    while plant.time() < end {
+        plant.step(schedule.at(plant.time()));
+        if plant.time().us() % INTERVAL_US == 0 {
+            states.push(*plant.state());
+        }
+    }
+    states
+}
+
+#[test]
+fn halving_the_step_does_not_move_the_vehicle() {
+    for (run, chamber, gimbal_inertia) in VARIANTS {
+        let scenario = scenario(run, chamber, gimbal_inertia);
+        let end = SimTime::from_s(scenario.file.duration_s.unwrap());
+        let [whole, half] = [1_000, 500].map(|us| stepped(&scenario, SimTime::from_us(us), end));
+        let worst = whole
+            .iter()
+            .zip(&half)
+            .map(|(a, b)| (a.position_ned_m - b.position_ned_m).norm())
+            .fold(0.0, f64::max);
+        println!("{run} {chamber} {gimbal_inertia}: {worst:.1e} m");
+        assert!(worst < 1e-6, "{run} {chamber} {gimbal_inertia}: {worst:e} m");
+    }
+}
+
+/// Runge and Kutta's method is of fourth order as long as nothing jumps.
+#[test]
+fn halving_the_step_divides_the_error_by_sixteen() {
+    let mut scenario = scenario("a", "quasi_steady", false);
+    let row = "time_s,valve_deg,gimbal_x_deg,gimbal_y_deg,rcs_roll\n0.0,22.0,0.3,-0.2,1\n";
+    scenario.schedule = Some(Schedule::parse(row).unwrap());
+    let end = SimTime::from_s(2.0);
+    let last = |us| *stepped(&scenario, SimTime::from_us(us), end).last().unwrap();
+    let states = [40_000, 20_000, 10_000, 5_000].map(last);
+    let difference = |a: &State, b: &State| {
+        [
+            (a.position_ned_m - b.position_ned_m).norm(),
+            (a.slosh_m - b.slosh_m).norm(),
+            (a.rate_body_rad_s - b.rate_body_rad_s).norm(),
+        ]
+    };
+    let steps: Vec<_> = states.windows(2).map(|pair| difference(&pair[0], &pair[1])).collect();
+    for pair in steps.windows(2) {
+        for k in 0..3 {
+            println!("{k}: {:.2e} / {:.2e} = {:.2}", pair[0][k], pair[1][k], pair[0][k] / pair[1][k]);
+        }
+    }
 }
