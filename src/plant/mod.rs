@@ -38,7 +38,7 @@ use crate::vehicle::Vehicle;
 
 use sequence::Sequence;
 
-/// The plant's step.
+/// The plant's step, unless a test asks for another.
 pub const STEP: SimTime = SimTime::from_us(1_000);
 
 /// The engine controller solves for the valve angle at this interval, and at every new command.
@@ -65,6 +65,7 @@ pub struct Plant {
     pads_body_m: [Vec3; MAX_LEGS],
     outlets: Outlets,
     rest_height_m: f64,
+    step: SimTime,
     time: SimTime,
     state: State,
     held: Held,
@@ -181,8 +182,6 @@ pub struct Evaluation {
     pub pressurant: NitrogenState,
     /// Mass properties about the pivot, liquid at rest, engine at zero gimbal.
     pub mass: MassProperties,
-    /// Share of the mass that sloshes and where it is, for reports.
-    pub displaced: MassProperties,
     /// Accelerations and slosh force.
     pub acceleration: Acceleration,
     /// Legs.
@@ -197,6 +196,14 @@ impl Plant {
     /// # Errors
     /// When the initial state contradicts the vehicle.
     pub fn new(scenario: &Scenario) -> Result<Self, Invalid> {
+        Self::with_step(scenario, STEP)
+    }
+
+    /// The same with another step, to see what the integration contributes.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn with_step(scenario: &Scenario, step: SimTime) -> Result<Self, Invalid> {
         let vehicle = scenario.vehicle.clone();
         let start = &scenario.file.initial;
         let running = start.engine == EngineStart::Running;
@@ -259,16 +266,17 @@ impl Plant {
                 vent: Vec3::new(0.0, 0.0, -(vehicle.tank.floor_z_m + vehicle.tank.length_m)),
             },
             rest_height_m: 0.0,
+            step,
             time: SimTime::ZERO,
             state,
             held: Held {
                 valve_command_rad: 0.0,
                 gimbal_command_rad: Vector2::zeros(),
-                valve_delay: DelayLine::for_interval(SimTime::from_s(vehicle.valve_delay_s), 0.0, STEP),
+                valve_delay: DelayLine::for_interval(SimTime::from_s(vehicle.valve_delay_s), 0.0, step),
                 gimbal_delay: DelayLine::for_interval(
                     SimTime::from_s(vehicle.gimbal.delay_s),
                     [0.0; 2],
-                    STEP,
+                    step,
                 ),
                 valve_play_rad: 0.0,
                 gimbal_play_rad: Vector2::zeros(),
@@ -335,7 +343,7 @@ impl Plant {
         self.held.valve_command_rad = self.held.demand.valve_rad;
         self.held.valve_play_rad = self.held.demand.valve_rad;
         self.held.valve_delay =
-            DelayLine::for_interval(SimTime::from_s(self.vehicle.valve_delay_s), self.state.valve_rad, STEP);
+            DelayLine::for_interval(SimTime::from_s(self.vehicle.valve_delay_s), self.state.valve_rad, self.step);
         if self.vehicle.engine_parameters.chamber.model == ChamberModel::Filling {
             self.fill_chamber();
         }
@@ -369,9 +377,9 @@ impl Plant {
     /// One step under a command: the block diagram.
     pub fn step(&mut self, command: &ActuatorCommand) {
         self.obey(command);
-        self.state = rk4_step(&self.state, STEP.s(), |state, share| self.evaluate(state, share).rate);
+        self.state = rk4_step(&self.state, self.step.s(), |state, share| self.evaluate(state, share).rate);
         self.state.q_ned_from_body.normalize_mut();
-        self.time = self.time + STEP;
+        self.time = self.time + self.step;
         self.settle();
     }
 
@@ -382,7 +390,7 @@ impl Plant {
         let positions = self.sequence.obey(now, command, throttle_on);
         let held = &mut self.held;
         let stroke = |valve: StrokeValve, opening: f64, open: bool| {
-            valve.opening_after(opening, if open { 1.0 } else { 0.0 }, STEP.s())
+            valve.opening_after(opening, if open { 1.0 } else { 0.0 }, self.step.s())
         };
         held.isolation = stroke(self.vehicle.isolation_stroke(), held.isolation, positions.isolation_open);
         held.vent = stroke(self.vehicle.vent_stroke(), held.vent, positions.vent_open);
@@ -408,7 +416,7 @@ impl Plant {
         } else {
             held.valve_delay.push(now, valve_rad);
             held.valve_command_rad = held.valve_delay.at(now);
-            held.rcs_open = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, STEP);
+            held.rcs_open = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, self.step);
         }
         if self.options.ideal_gimbal {
             held.gimbal_command_rad = Vector2::from(gimbal);
@@ -478,8 +486,8 @@ impl Plant {
             self.note("saturated", format!("{thrust_n:.0} N asked for"));
         }
         self.held.saturated = saturated;
-        self.held.demand =
-            Demand { throttle, solved: Some(now), valve_rad: self.vehicle.encoded(valve_rad), thrust_n };
+        let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
+        self.held.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
     }
 
     /// Conditions of the engine at a state.
@@ -642,13 +650,6 @@ impl Plant {
             imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
             imu_angle_body_rad: state.rate_body_rad_s,
         };
-        let displaced = match &mode {
-            Some(mode) => {
-                let axis = Vec3::new(0.0, 0.0, mode.station_z_body_m);
-                mass.vehicle.with_moved_mass(mode.mass_kg, axis, axis + state.slosh_m)
-            }
-            None => mass.vehicle,
-        };
         Evaluation {
             rate,
             engine,
@@ -657,7 +658,6 @@ impl Plant {
             gimbal_rad: gimbal.angle_rad,
             pressurant,
             mass: mass.vehicle,
-            displaced,
             acceleration,
             contact,
             wind_ned_m_s,
@@ -829,7 +829,7 @@ impl Plant {
 
     fn mission_s_at(&self, share: f64) -> f64 {
         match self.held.ignition {
-            Some(ignition) => self.time.since(ignition).s() + share * STEP.s(),
+            Some(ignition) => self.time.since(ignition).s() + share * self.step.s(),
             None => -1.0,
         }
     }
@@ -872,7 +872,7 @@ impl Plant {
     fn snapshot_of(&self, now: &Evaluation) -> Snapshot {
         let state = &self.state;
         let attitude = state.attitude();
-        let com_body_m = now.displaced.centre_of_mass_body_m();
+        let com_body_m = now.mass.centre_of_mass_body_m();
         let com_velocity_ned_m_s =
             state.velocity_ned_m_s + attitude * state.rate_body_rad_s.cross(&com_body_m);
         let motion = motion(state);
@@ -897,7 +897,7 @@ impl Plant {
             mass_kg: now.mass.mass_kg,
             com_structural_m: structural_from_frd(com_body_m),
             com_velocity_ned_m_s,
-            inertia_kg_m2: now.displaced.inertia_about_com_kg_m2(),
+            inertia_kg_m2: now.mass.inertia_about_com_kg_m2(),
             nitrous_kg: state.nitrous_kg,
             fuel_kg: self.fuel_kg(state),
             nitrogen_bottle_kg: now.pressurant.bottle_kg,

@@ -26,11 +26,11 @@ pub struct Snapshot {
     pub height_m: f64,
     /// Mass [kg].
     pub mass_kg: f64,
-    /// Centre of mass, structural frame [m].
+    /// Centre of mass, liquid at rest and engine at zero gimbal, structural frame [m].
     pub com_structural_m: Vec3,
     /// Velocity of the centre of mass [m/s].
     pub com_velocity_ned_m_s: Vec3,
-    /// Inertia about the centre of mass, body FRD [kg m²].
+    /// Inertia about that centre of mass, body FRD [kg m²].
     pub inertia_kg_m2: Mat3,
     /// Liquid nitrous oxide [kg].
     pub nitrous_kg: f64,

