@@ -563,7 +563,10 @@ impl Plant {
                 nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
             },
         );
-        let flow = self.flow_terms(state, &mass.rate, engine.nozzle_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
+        // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
+        // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
+        let burnt_kg_s = engine.oxidizer_kg_s + engine.fuel_kg_s;
+        let flow = self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
 
         // Loads.
         let motion = motion(state);
