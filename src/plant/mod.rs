@@ -51,6 +51,9 @@ const FEED_TOLERANCE_PA: f64 = 1_000.0;
 const SEATED_RAD: f64 = 1e-3;
 const SEATED_RAD_S: f64 = 0.1;
 
+/// Share of a thruster's level below which it is off.
+const RCS_OFF: f64 = 1e-6;
+
 /// Fuel that stays on the wall as slivers when the grain burns through, over what the tail consumes.
 const SLIVERS: f64 = 0.1;
 
@@ -743,6 +746,13 @@ impl Plant {
         self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
         self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
         self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
+
+        // A thruster that has died away is off; its first-order decay would never end.
+        for (axis, open) in [(0, self.held.rcs_open.a), (1, self.held.rcs_open.b)] {
+            if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF {
+                self.state.rcs_level[axis] = 0.0;
+            }
+        }
 
         // A ball that is told to shut seats; a servo alone would only ever come near.
         if self.held.valve_command_rad == 0.0
