@@ -66,8 +66,9 @@ impl Failure {
 type Outcome = Result<(), Failure>;
 
 fn rust_tests() -> Outcome {
+    // In release: what is tested is what flies, and dependencies are built once for tests and program.
     // Documentation tests are part of `cargo test` as long as no target is selected.
-    stage("Rust tests", cargo().args(["test", "--workspace", "--locked"]))
+    stage("Rust tests", cargo().args(["test", "--workspace", "--release", "--locked"]))
 }
 
 fn python_tests(pytest: &[String]) -> Outcome {
