@@ -180,7 +180,8 @@ fn halving_the_step_divides_the_error_by_sixteen() {
     scenario.schedule = Some(Schedule::parse(row).unwrap());
     let end = SimTime::from_s(2.0);
     let last = |us| *stepped(&scenario, SimTime::from_us(us), end).last().unwrap();
-    let states = [40_000, 20_000, 10_000, 5_000].map(last);
+    // Finer ones differ by what the pressure P2 is solved to, 1e-10 m.
+    let states = [40_000, 20_000, 10_000].map(last);
     let difference = |pair: &[State]| {
         let (a, b) = (&pair[0], &pair[1]);
         [(a.position_ned_m - b.position_ned_m).norm(), (a.slosh_m - b.slosh_m).norm()]
