@@ -1,6 +1,9 @@
 //! Reference: the two open-loop runs against a second implementation of the whole vehicle
 //! (tools/reference/make_open_loop_reference.py; tool versions in the data files).
 
+// The test reads the files that `hopbench fly` reads, and prints its figures for the record.
+#![allow(clippy::disallowed_macros, clippy::disallowed_methods)]
+
 use std::path::Path;
 
 use hopbench::input::Document;
