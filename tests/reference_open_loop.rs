@@ -43,10 +43,10 @@ fn scenario(run: &str, chamber: &str, gimbal_inertia: bool) -> Scenario {
 
 /// Snapshots at 10 Hz.
 fn flown(scenario: &Scenario) -> Vec<Snapshot> {
-    let mut step = 0;
+    let mut step = 0usize;
     let mut rows = Vec::new();
     fly(scenario, 1, |snapshot| {
-        if step % STEPS_PER_ROW == 0 {
+        if step.is_multiple_of(STEPS_PER_ROW) {
             rows.push(*snapshot);
         }
         step += 1;
@@ -147,7 +147,7 @@ fn stepped(scenario: &Scenario, step: SimTime, end: SimTime) -> Vec<State> {
     let mut states = Vec::new();
     while plant.time() < end {
         plant.step(schedule.at(plant.time()));
-        if plant.time().us() % INTERVAL_US == 0 {
+        if plant.time().us().is_multiple_of(INTERVAL_US) {
             states.push(*plant.state());
         }
     }
