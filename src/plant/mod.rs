@@ -345,8 +345,11 @@ impl Plant {
         self.state.valve_rad = self.held.demand.valve_rad;
         self.held.valve_command_rad = self.held.demand.valve_rad;
         self.held.valve_play_rad = self.held.demand.valve_rad;
-        self.held.valve_delay =
-            DelayLine::for_interval(SimTime::from_s(self.vehicle.valve_delay_s), self.state.valve_rad, self.step);
+        self.held.valve_delay = DelayLine::for_interval(
+            SimTime::from_s(self.vehicle.valve_delay_s),
+            self.state.valve_rad,
+            self.step,
+        );
         if self.vehicle.engine_parameters.chamber.model == ChamberModel::Filling {
             self.fill_chamber();
         }

@@ -82,7 +82,9 @@ class Nitrous:
         p = np.arange(2.0e5, 64.0e5 + 1.0, 1.0e4)
         sat = np.array([self.saturation_direct(x) for x in p])
         self.saturated = [Curve(CubicSpline(p, column)) for column in sat.T]
-        self.flash_pa = brentq(lambda x: self.saturation_direct(x)[0] - self.h1, 30e5, self.vapour_pa, xtol=1e-6, rtol=1e-15)
+        self.flash_pa = brentq(
+            lambda x: self.saturation_direct(x)[0] - self.h1, 30e5, self.vapour_pa, xtol=1e-6, rtol=1e-15
+        )
         # The valve's own expansion, isentropic from the tank.
         self.valve_critical_pa, self.valve_critical_flux = self.choke(self.h1, self.s1, tank_pa)
         p = np.linspace(self.valve_critical_pa, self.vapour_pa, 400)
@@ -125,7 +127,10 @@ class Nitrous:
         sl = self.saturated[4]
         enter = brentq(lambda p: s_up - sl(p), low, high, xtol=1e-7, rtol=1e-15) if s_up < sl(high) else high
         enter_flux = self.hem(enter, h_up, s_up) if enter < p_up else 0.0
-        best = minimize_scalar(lambda p: -self.hem(p, h_up, s_up), bounds=(low, enter), method="bounded", options={"xatol": 1.0})
+        # Flat at its top: 1 Pa off costs nothing.
+        best = minimize_scalar(
+            lambda p: -self.hem(p, h_up, s_up), bounds=(low, enter), method="bounded", options={"xatol": 1.0}
+        )
         return max((best.x, -best.fun), (enter, enter_flux), key=lambda pair: pair[1])
 
     def branch(self, p2, flashing):
@@ -315,8 +320,13 @@ def cross(a, b):
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
+def point_inertia(r):
+    """Inertia of a unit mass at r."""
+    return r @ r * np.eye(3) - np.outer(r, r)
+
+
 def second_moment(inertia):
-    """Integral of r r^T from the inertia tensor, and back: the relation is its own inverse but for a factor."""
+    """Integral of r r^T from the inertia tensor."""
     return 0.5 * np.trace(inertia) * np.eye(3) - inertia
 
 
@@ -376,7 +386,7 @@ class Vehicle:
             r = np.array(c["position_m"])
             mass += c["mass_kg"]
             first += c["mass_kg"] * r
-            inertia += np.array(c["inertia_kg_m2"]) + c["mass_kg"] * (r @ r * np.eye(3) - np.outer(r, r))
+            inertia += np.array(c["inertia_kg_m2"]) + c["mass_kg"] * point_inertia(r)
         return mass, first, inertia
 
     def ullage_mass(self, nitrous):
@@ -384,7 +394,8 @@ class Vehicle:
 
     def fuel_mass(self, port):
         g = self.data["engine"]["grain"]
-        return g["fuel_density_kg_m3"] * g["length_m"] * math.pi * (g["outer_radius_m"] ** 2 - g["port_count"] * port * port)
+        area = math.pi * (g["outer_radius_m"] ** 2 - g["port_count"] * port * port)
+        return g["fuel_density_kg_m3"] * g["length_m"] * area
 
     def grain_column(self, port):
         g = self.data["engine"]["grain"]
@@ -398,14 +409,14 @@ class Vehicle:
         t, bottle = self.tank, self.data["pressurant"]["bottle"]
 
         def cylinder(mass, radius, length, z, roll=1.0):
-            return np.array([
-                mass, mass * z, mass * (3 * radius**2 + length * length) / 12 + mass * z * z, roll * mass * radius**2 / 2,
-            ])
+            across = mass * (3 * radius**2 + length * length) / 12 + mass * z * z
+            return np.array([mass, mass * z, across, roll * mass * radius**2 / 2])
 
         height = nitrous / (self.liquid_density * self.tank_area)
         ullage = self.ullage_mass(nitrous)
+        roll = self.data["slosh"]["roll_inertia_factor"]
         return (
-            cylinder(nitrous, t["radius_m"], height, t["floor_z_m"] + height / 2, self.data["slosh"]["roll_inertia_factor"])
+            cylinder(nitrous, t["radius_m"], height, t["floor_z_m"] + height / 2, roll)
             + cylinder(ullage, t["radius_m"], t["length_m"] - height, t["floor_z_m"] + (height + t["length_m"]) / 2)
             + cylinder(
                 nitrogen - ullage, bottle["radius_m"], bottle["volume_m3"] / (math.pi * bottle["radius_m"] ** 2),
@@ -470,7 +481,7 @@ class Vehicle:
         ).imag / step
         flow_p = np.array([0, 0, rates[1]]) + sum(m * r for m, r in outflows)
         flow_j = np.diag([rates[2], rates[2], rates[3]]) + sum(
-            m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in outflows
+            m * point_inertia(r) for m, r in outflows
         )
 
         # Slosh: the mode's mass is moved from the column to where it is.
@@ -479,7 +490,7 @@ class Vehicle:
         assert np.hypot(*s["slosh"]) < self.data["slosh"]["stop_fraction"] * self.tank["radius_m"]
         home = np.array([0, 0, mode["z"]])
         first = first + m_s * (at - home)
-        inertia = inertia + m_s * ((at @ at) * np.eye(3) - np.outer(at, at) - (home @ home) * np.eye(3) + np.outer(home, home))
+        inertia = inertia + m_s * (point_inertia(at) - point_inertia(home))
 
         if swing:
             grain = self.grain_column(s["port"])
@@ -614,7 +625,7 @@ class Flight:
         vehicle.engine.assert_valid(point, s["throat"])
         mass, first, inertia = vehicle.mass_properties(s["nitrous"], s["nitrogen"], s["port"])
         com = first / mass
-        about = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
+        about = inertia - mass * point_inertia(com)
         about = np.outer(self.FLIP, self.FLIP) * about
         angles = s["gimbal"] if self.servo else target
         q = s["q"] / np.linalg.norm(s["q"]) * [1, 1, -1, -1]
@@ -649,7 +660,8 @@ def main():
         rows = Flight(run, chamber, swing, vehicle).fly()
         with open(OUTPUT / f"open_loop_{name}.csv", "w", newline="\n") as file:
             file.write(
-                f"# Open-loop run {run}, chamber {chamber}, gimbal inertia {str(swing).lower()}, by tools/reference/make_open_loop_reference.py;\n"
+                f"# Open-loop run {run}, chamber {chamber}, gimbal inertia {str(swing).lower()}.\n"
+                "# Made by: python tools/reference/make_open_loop_reference.py; a second implementation of the vehicle.\n"
                 f"# DOP853, rtol {RTOL}, atol {ATOL}. Python {platform.python_version()}, numpy {np.__version__},"
                 f" scipy {scipy.__version__}, CoolProp {CoolProp.__version__}.\n"
             )
