@@ -18,8 +18,9 @@ use crate::fluid::{Isotherm, Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
-    Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation, NitrogenInventory,
-    NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl, Tank, Vent, VentedGas,
+    BottleModel, Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation,
+    ManifoldModel, NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas,
+    ReactionControl, Tank, Vent, VentedGas,
 };
 use crate::sensor::SensorParameters;
 
@@ -72,7 +73,7 @@ pub struct Rating {
     #[schemars(range(min = 1.0, max = 100000.0))]
     pub thrust_rated_n: f64,
     /// Lower end of the throttle band of the lit engine [N].
-    #[schemars(range(min = 0.0, max = 100000.0))]
+    #[schemars(range(min = 1.0, max = 100000.0))]
     pub thrust_command_min_n: f64,
     /// Upper end of the throttle band [N].
     #[schemars(range(min = 1.0, max = 100000.0))]
@@ -108,6 +109,7 @@ impl VehicleFile {
                 faults.push(fault.within(parent));
             }
         };
+        self.refuse_what_is_not_built(&mut note);
         note(self.rcs.validate(), "rcs");
         note(self.sensors.validate(), "sensors");
         note(self.controls.validate(), "controls");
@@ -118,6 +120,31 @@ impl VehicleFile {
             faults.push(Invalid::new("component", "a vehicle needs at least one [[component]]"));
         }
         faults
+    }
+}
+
+impl VehicleFile {
+    /// Choices that the schema knows and no model serves yet: refused, not ignored.
+    fn refuse_what_is_not_built(&self, note: &mut impl FnMut(Result<(), Invalid>, &str)) {
+        let (feed, pressurant) = (&self.feed, &self.pressurant);
+        let mut only = |holds: bool, key: &str, allowed: &str| {
+            if !holds {
+                note(Err(Invalid::new("", format!("this choice is not built yet; allowed {allowed}"))), key);
+            }
+        };
+        only(feed.manifold.model == ManifoldModel::QuasiSteady, "feed.manifold.model", "\"quasi_steady\"");
+        only(self.engine.grain.fuel_flow_lag_s == 0.0, "engine.grain.fuel_flow_lag_s", "0");
+        only(pressurant.bottle.model == BottleModel::Isothermal, "pressurant.bottle.model", "\"isothermal\"");
+        let regulator = &pressurant.regulator;
+        only(regulator.droop_pa_s_kg == 0.0, "pressurant.regulator.droop_pa_s_kg", "0");
+        only(regulator.lockup_pa == 0.0, "pressurant.regulator.lockup_pa", "0");
+        only(
+            regulator.set_pressure_pa == feed.tank.pressure_pa,
+            "pressurant.regulator.set_pressure_pa",
+            "feed.tank.pressure_pa",
+        );
+        only(!feed.isolation.open_without_power, "feed.isolation.open_without_power", "false");
+        only(feed.vent.open_without_power, "feed.vent.open_without_power", "true");
     }
 }
 
@@ -321,12 +348,8 @@ impl Vehicle {
 
     /// Where the nitrogen is.
     pub fn nitrogen(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> NitrogenState {
-        let inventory = NitrogenInventory {
-            total_kg: nitrogen_kg,
-            ullage_m3: self.ullage_m3(nitrous_kg),
-            flow_kg_s: 0.0,
-            ambient_pa,
-        };
+        let inventory =
+            NitrogenInventory { total_kg: nitrogen_kg, ullage_m3: self.ullage_m3(nitrous_kg), ambient_pa };
         self.pressurant.distribute(&self.pressurant_gas, &inventory)
     }
 

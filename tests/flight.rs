@@ -218,3 +218,90 @@ fn running_out_of_anything_is_an_event_and_a_tail() {
         }
     }
 }
+
+#[test]
+fn an_engine_that_will_not_light_ends_the_flight_of_the_built_in_autopilot() {
+    // The autopilot gives up and disarms before ten seconds are over; the verdict comes all the same.
+    let report = fly("hover_5m", 1, &[("vehicle.engine.ignition.minimum_oxidizer_flow_kg_s", "10.0")]);
+    assert_eq!(report.outcome, Outcome::NoIgnition, "{:?}", report.events);
+    assert!(report.timing.simulated_s < 20.0);
+}
+
+#[test]
+fn a_burnt_grain_neither_relights_nor_breaks_the_books() {
+    let overrides = [("initial.port_radius_m", "0.0655"), ("initial.clamped", "true")];
+    let mut flight = Flight::new(&scenario("hover_5m", &overrides), 1).unwrap();
+    hold(&mut flight, &armed(Throttle::ThrustN(0.0)), 1.5, |_| {});
+    for _ in 0..6 {
+        // Throttle up, off, up again: after burn-through there is nothing to light.
+        hold(&mut flight, &armed(Throttle::ThrustN(600.0)), 2.0, |now| assert!(now.fuel_kg >= 0.0));
+        hold(&mut flight, &armed(Throttle::ThrustN(900.0)), 1.0, |_| {});
+        hold(&mut flight, &armed(Throttle::ThrustN(0.0)), 0.5, |_| {});
+    }
+    let count = |name: &str| flight.events().iter().filter(|e| e.name == name).count();
+    assert_eq!((count("ignition"), count("fuel_burn_through"), count("shutdown")), (1, 1, 1));
+    let report = flight.report(false);
+    assert!(report.mass.closure_error_kg.abs() / report.mass.initial_kg < 1e-9, "{:?}", report.mass);
+}
+
+#[test]
+fn stores_that_start_empty_stay_empty() {
+    for overrides in [
+        [("initial.nitrous_kg", "0.0"), ("vehicle.feed.tank.unusable_nitrous_kg", "0.15")],
+        [("initial.nitrous_kg", "0.5"), ("vehicle.feed.tank.unusable_nitrous_kg", "0.0")],
+    ] {
+        let report = fly("open_loop_a", 1, &overrides);
+        assert!(
+            report.mass.closure_error_kg.abs() / report.mass.initial_kg < 1e-9,
+            "{overrides:?}: {:?}",
+            report.mass
+        );
+        assert!(report.propellant.nitrous_left_kg >= 0.0);
+    }
+}
+
+#[test]
+fn a_schedule_commands_the_valves_it_names() {
+    use hopbench::scenario::Schedule;
+    let mut scenario = scenario("open_loop_a", &[]);
+    let text = "time_s,valve_deg,oxidizer_isolation,vent\n0,25,1,1\n2,25,0,1\n5,25,0,0\n";
+    scenario.schedule = Some(Schedule::parse(text).unwrap());
+    let mut at = Vec::new();
+    simulation::fly(&scenario, 1, |now| {
+        if now.time.us() % 1_000_000 == 0 {
+            at.push((now.oxidizer_kg_s, now.expelled_kg[2]));
+        }
+    })
+    .unwrap();
+    // The isolation valve takes a second to shut, and throttles at its end only.
+    assert!(at[2].0 > 0.3 && at[4].0 == 0.0, "{at:?}");
+    assert!(at[5].1 == 0.0 && at[8].1 > 0.05, "{at:?}");
+}
+
+#[test]
+fn errors_are_counted_from_where_the_flight_starts() {
+    let report = fly("hover_5m", 1, &[("initial.position_ned_m", "[5.0, -3.0, 0.0]")]);
+    assert!(report.expect.passed, "{:?}", report.expect.items);
+    let touchdown = report.touchdown.unwrap();
+    assert!(touchdown.position_error_m < 1.0, "{touchdown:?}");
+    assert!(touchdown.navigation_error_m.unwrap() < 1.0, "{touchdown:?}");
+    assert!(report.hover.unwrap().lateral_rms_m < 0.5, "{:?}", report.hover);
+}
+
+#[test]
+fn choices_that_no_model_serves_are_refused_with_their_key() {
+    for (key, value) in [
+        ("vehicle.feed.manifold.model", "\"implicit\""),
+        ("vehicle.engine.grain.fuel_flow_lag_s", "0.1"),
+        ("vehicle.pressurant.bottle.model", "\"energy_balance\""),
+        ("vehicle.pressurant.regulator.droop_pa_s_kg", "3.3e6"),
+        ("vehicle.component.0.inertia_kg_m2", "[[1.0, 100.0, 0.0], [100.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"),
+        ("initial.engine", "\"running\""),
+        ("initial.place", "\"free\""),
+    ] {
+        let refusal = files::try_scenario("hover_5m", &[(key, value)]).err().map(|e| e.to_string());
+        let refusal = refusal.unwrap_or_else(|| panic!("{key} = {value} was accepted"));
+        let tail = key.trim_start_matches("vehicle.").split('.').next_back().unwrap();
+        assert!(refusal.contains(tail), "{refusal}");
+    }
+}

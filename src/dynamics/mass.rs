@@ -53,10 +53,16 @@ impl Component {
             return Err(crate::input::Invalid::new("inertia_kg_m2", format!("{}: not symmetric", self.name)));
         }
         let slack = 1e-9 * (a + b + c);
-        if a < 0.0 || b < 0.0 || c < 0.0 || a > b + c + slack || b > a + c + slack || c > a + b + slack {
+        let principal = Mat3::from_fn(|row, column| i[row][column]).symmetric_eigenvalues();
+        let (a, b, c) = (principal.x, principal.y, principal.z);
+        let least = a.min(b).min(c);
+        if !(least >= -slack && a <= b + c + slack && b <= a + c + slack && c <= a + b + slack) {
             return Err(crate::input::Invalid::new(
                 "inertia_kg_m2",
-                format!("{}: diagonal {a}, {b}, {c}: each must be at most the sum of the others", self.name),
+                format!(
+                    "{}: principal moments {a:.4}, {b:.4}, {c:.4}: none may be negative or above the sum of the others",
+                    self.name
+                ),
             ));
         }
         Ok(())

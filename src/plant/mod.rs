@@ -20,7 +20,7 @@ use crate::actuator::{DelayLine, ServoOutput, ServoState, StrokeValve};
 use crate::dynamics::Load;
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassProperties, MassRate, Outflow};
-use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing};
+use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, SolveStatus, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::environment::Environment;
 use crate::frame::{self, Vec3, quaternion_rate, structural_from_frd};
@@ -44,8 +44,12 @@ pub const STEP: SimTime = SimTime::from_us(1_000);
 /// The engine controller solves for the valve angle at this interval, and at every new command.
 const ENGINE_CONTROL: SimTime = SimTime::from_us(4_000);
 
-/// The feed's tables are rebuilt when the tank pressure has moved by so much [Pa]: 1e-4 of flow.
-const FEED_TOLERANCE_PA: f64 = 1_000.0;
+/// The feed's tables are rebuilt when the tank pressure has moved by so much [Pa]: 1e-3 of flow. A rebuild costs
+/// some steps' time, so it waits until something flows.
+const FEED_TOLERANCE_PA: f64 = 10_000.0;
+
+/// Saturation that ended longer ago than this is over.
+const SATURATION_MEMORY: SimTime = SimTime::from_us(1_000_000);
 
 /// A valve that is told to shut and is nearer than this is shut [rad, rad/s]: 2e-9 m2 of open area.
 const SEATED_RAD: f64 = 1e-3;
@@ -54,8 +58,9 @@ const SEATED_RAD_S: f64 = 0.1;
 /// Share of a thruster's level below which it is off.
 const RCS_OFF: f64 = 1e-6;
 
-/// Fuel that stays on the wall as slivers when the grain burns through, over what the tail consumes.
-const SLIVERS: f64 = 0.1;
+/// A store that is nearly empty gives what it has within so long [s]: a few steps, so that integration never
+/// passes zero.
+const DRAIN_S: f64 = 4e-3;
 
 /// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
 const OUTFLOWS: usize = 2 + 16;
@@ -127,9 +132,15 @@ struct Held {
     flame: Flame,
     igniter: bool,
     ignition: Option<SimTime>,
+    /// Fuel flow of the fully burning oxidiser at the last step [kg/s].
+    full_fuel_kg_s: f64,
+    burnt_through: bool,
     nitrous_depleted: bool,
     bottle_low: bool,
-    saturated: bool,
+    /// When the engine controller last could not give what was asked for.
+    saturated: Option<SimTime>,
+    /// The balance of momentum had no solution.
+    singular: bool,
 }
 
 impl Held {
@@ -218,6 +229,9 @@ impl Plant {
             ideal: actuators.ideal,
             ideal_gimbal: actuators.ideal && actuators.gimbal != Some(GimbalActuator::Servo),
         };
+        if options.clamped && (start.velocity_ned_m_s != [0.0; 3] || start.rate_body_rad_s != [0.0; 3]) {
+            return Err(Invalid::new("initial.clamped", "a clamped vehicle has neither velocity nor rate"));
+        }
         if options.ideal_gimbal && vehicle.gimbal.engine_inertia {
             return Err(Invalid::new(
                 "model.gimbal_inertia",
@@ -235,19 +249,26 @@ impl Plant {
             ));
         }
         let port_radius_m = start.port_radius_m.unwrap_or(vehicle.engine_parameters.grain.port_radius_m);
-        if port_radius_m > vehicle.engine_parameters.grain.outer_radius_m {
+        let burn_through_m = vehicle.engine_parameters.grain.burn_through_radius_m();
+        if port_radius_m > burn_through_m {
             return Err(Invalid::new(
                 "initial.port_radius_m",
-                format!(
-                    "{port_radius_m} is out of range; allowed up to the grain's {}",
-                    vehicle.engine_parameters.grain.outer_radius_m
-                ),
+                format!("{port_radius_m} is out of range; allowed up to burn-through at {burn_through_m}"),
             ));
         }
         let nitrogen_kg =
             start.nitrogen_kg.unwrap_or_else(|| vehicle.initial_nitrogen_kg(vehicle.initial_nitrous_kg()));
         let throat_radius_m =
             start.throat_radius_m.unwrap_or(0.5 * vehicle.engine_parameters.nozzle.throat_diameter_m);
+        let widest_m = vehicle.engine.nozzle().greatest_throat_radius_m();
+        if throat_radius_m > widest_m {
+            return Err(Invalid::new(
+                "initial.throat_radius_m",
+                format!("{throat_radius_m} is out of range; allowed up to {widest_m:.6}, short of the exit"),
+            ));
+        }
+        let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
+        let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
         let q = start.q_ned_from_body;
         let state = State {
             position_ned_m: Vec3::from(start.position_ned_m),
@@ -261,7 +282,7 @@ impl Plant {
             ..State::EMPTY
         };
         let mut plant = Self {
-            environment: Environment::new(&scenario.site, &scenario.file.wind)?,
+            environment,
             options,
             pads_body_m: vehicle.landing_gear.pads_body_m(),
             outlets: Outlets {
@@ -287,7 +308,7 @@ impl Plant {
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
                 anchors: Anchors::default(),
-                feed: FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k),
+                feed: FeedMap::new(nitrogen.tank_pa, vehicle.tank.temperature_k),
                 guess: Guess::default(),
                 guess_trend: Guess::default(),
                 modulator: Modulator::default(),
@@ -301,11 +322,14 @@ impl Plant {
                 flame: Flame { lit: running, was_lit: running, ..Flame::default() },
                 igniter: false,
                 ignition: running.then_some(SimTime::ZERO),
-                nitrous_depleted: false,
+                full_fuel_kg_s: 0.0,
+                burnt_through: false,
+                nitrous_depleted: nitrous_kg <= vehicle.tank.unusable_nitrous_kg,
                 bottle_low: false,
-                saturated: false,
+                saturated: None,
+                singular: false,
             },
-            sequence: Sequence::new(scenario.file.sequence.source, vehicle.hold_down.release_time_s),
+            sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
             vehicle,
@@ -392,7 +416,7 @@ impl Plant {
     /// Takes in a command: sequence, engine controller, delays, pulses.
     fn obey(&mut self, command: &ActuatorCommand) {
         let now = self.time;
-        let throttle_on = command.armed && self.throttle_share(command.throttle) >= self.shutdown_fraction();
+        let throttle_on = self.throttle_on(command);
         let positions = self.sequence.obey(now, command, throttle_on);
         let held = &mut self.held;
         let stroke = |valve: StrokeValve, opening: f64, open: bool| {
@@ -432,6 +456,11 @@ impl Plant {
             held.gimbal_delay.push(now, gimbal);
             held.gimbal_command_rad = Vector2::from(held.gimbal_delay.at(now));
         }
+    }
+
+    /// Whether a command asks for a running engine: armed, and above the shutdown fraction.
+    pub fn throttle_on(&self, command: &ActuatorCommand) -> bool {
+        command.armed && self.throttle_share(command.throttle) >= self.shutdown_fraction()
     }
 
     /// Throttle as a share of the rated thrust or of the valve's travel.
@@ -488,10 +517,13 @@ impl Plant {
                 (valve_rad, point.thrust_n, false)
             }
         };
-        if saturated && !self.held.saturated {
-            self.note("saturated", format!("{thrust_n:.0} N asked for"));
+        if saturated && thrust_n > 0.0 {
+            // Once per excursion: a demand that rides the limit is one.
+            if self.held.saturated.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
+                self.note("saturated", format!("{thrust_n:.0} N asked for"));
+            }
+            self.held.saturated = Some(now);
         }
-        self.held.saturated = saturated;
         let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
         self.held.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
     }
@@ -499,21 +531,26 @@ impl Plant {
     /// Conditions of the engine at a state.
     fn condition(&self, state: &State) -> EngineCondition {
         let parameters = &self.vehicle.engine_parameters;
+        let tail_s = parameters.depletion.tail_time_constant_s;
+        // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
+        // so neither store reaches zero within a step.
+        let drain_s = if self.held.nitrous_depleted { tail_s } else { DRAIN_S };
+        let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
         EngineCondition {
             port_radius_m: state.port_radius_m,
             throat_radius_m: state.throat_radius_m,
-            burning_fraction: state.burning_fraction,
+            // A share of 0/0, no flow yet, limits nothing.
+            burning_fraction: if fuel_share < 1.0 {
+                state.burning_fraction.min(fuel_share)
+            } else {
+                state.burning_fraction
+            },
             ambient_pa: self.environment.atmosphere.pressure_pa,
             chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
                 oxidizer_kg: state.chamber_oxidizer_kg,
                 fuel_kg: state.chamber_fuel_kg,
             }),
-            // Gas follows the liquid: what is left leaves within the tail's time constant.
-            oxidizer_flow_limit_kg_s: if self.held.nitrous_depleted {
-                state.nitrous_kg.max(0.0) / parameters.depletion.tail_time_constant_s
-            } else {
-                f64::INFINITY
-            },
+            oxidizer_flow_limit_kg_s: state.nitrous_kg.max(0.0) / drain_s,
         }
     }
 
@@ -599,7 +636,13 @@ impl Plant {
             + contact.load;
 
         // Slosh, and the balance of momentum.
-        let axial_m_s2 = -load.force_body_n.z / mass.vehicle.mass_kg;
+        // A stand carries what the other forces leave: the liquid feels gravity alone.
+        let gravity_ned = self.environment.gravity.acceleration_ned_m_s2();
+        let axial_m_s2 = if self.options.clamped {
+            (body_from_ned * gravity_ned).z
+        } else {
+            -load.force_body_n.z / mass.vehicle.mass_kg
+        };
         let mode = vehicle.slosh.mode(
             vehicle.mass.tank(),
             state.nitrous_kg,
@@ -616,7 +659,6 @@ impl Plant {
             slosh: mode.as_ref().map(|mode| (mode, &slosh_state)),
             swing: vehicle.gimbal.engine_inertia.then_some(Swing { part: &mass.swinging, gimbal }),
         };
-        let gravity_ned = self.environment.gravity.acceleration_ned_m_s2();
         let acceleration = if self.options.clamped {
             rigid_body::clamped(&balance, body_from_ned * gravity_ned).0
         } else {
@@ -744,6 +786,10 @@ impl Plant {
         let now = self.evaluate(&self.state, 0.0);
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
+        if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
+            self.held.singular = true;
+            self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
+        }
 
         // What integration may leave a rounding below zero.
         self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
@@ -764,13 +810,16 @@ impl Plant {
         {
             self.state.valve_rad = 0.0;
             self.state.valve_rad_s = 0.0;
+            self.held.valve_play_rad = 0.0;
         }
 
         // Play.
         let state = &self.state;
         let at = |angle_rad: f64| ServoState { angle_rad, rate_rad_s: 0.0 };
-        self.held.valve_play_rad =
-            self.vehicle.valve_servo.held_after(&at(state.valve_rad), self.held.valve_play_rad);
+        if state.valve_rad > 0.0 {
+            self.held.valve_play_rad =
+                self.vehicle.valve_servo.held_after(&at(state.valve_rad), self.held.valve_play_rad);
+        }
         for axis in 0..2 {
             self.held.gimbal_play_rad[axis] = self
                 .vehicle
@@ -791,7 +840,8 @@ impl Plant {
             self.held.bottle_low = true;
             self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
         }
-        if (now.pressurant.tank_pa - self.held.feed.built_for().0).abs() > FEED_TOLERANCE_PA {
+        let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
+        if flows && (now.pressurant.tank_pa - self.held.feed.built_for().0).abs() > FEED_TOLERANCE_PA {
             self.held.feed.rebuild(now.pressurant.tank_pa, self.vehicle.tank.temperature_k);
         }
 
@@ -804,11 +854,21 @@ impl Plant {
         }
     }
 
-    /// Lights, goes out, or dies for want of fuel.
+    /// Lights or goes out; notices when fuel begins to limit the flame.
     fn settle_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        // What is left burns away within the tail, but for slivers.
-        let fuel_left = self.fuel_kg(&self.state) > (1.0 + SLIVERS) * tail_s * now.engine.fuel_kg_s;
+        let burning = self.condition(&self.state).burning_fraction;
+        if now.engine.fuel_kg_s > 0.0 && burning > 0.0 {
+            self.held.full_fuel_kg_s = now.engine.fuel_kg_s / burning;
+        }
+        let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
+        if !self.held.burnt_through
+            && self.held.full_fuel_kg_s > 0.0
+            && self.usable_fuel_kg(&self.state) < tail_s * self.held.full_fuel_kg_s
+        {
+            self.held.burnt_through = true;
+            self.note("fuel_burn_through", chamber());
+        }
         let flame = self.vehicle.engine_parameters.ignition.advance(
             &self.held.flame,
             &FlameConditions {
@@ -816,16 +876,15 @@ impl Plant {
                 igniter: self.held.igniter,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
-                fuel_left,
+                // What burns goes on into its tail; what is out stays out.
+                fuel_left: self.held.flame.lit || !self.held.burnt_through,
             },
         );
-        let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
         match (self.held.flame.lit, flame.lit) {
             (false, true) => {
                 self.held.ignition.get_or_insert(self.time);
                 self.note("ignition", chamber());
             }
-            (true, false) if !fuel_left => self.note("fuel_burn_through", chamber()),
             (true, false) => {
                 self.state.burning_fraction = 0.0;
                 self.note("shutdown", chamber());
@@ -833,6 +892,12 @@ impl Plant {
             _ => {}
         }
         self.held.flame = flame;
+    }
+
+    /// Fuel that can still burn: ports that meet leave slivers [kg].
+    fn usable_fuel_kg(&self, state: &State) -> f64 {
+        let grain = &self.vehicle.engine_parameters.grain;
+        (self.fuel_kg(state) - grain.fuel_kg(grain.burn_through_radius_m())).max(0.0)
     }
 
     fn note(&mut self, name: &'static str, detail: String) {
@@ -942,6 +1007,7 @@ impl Plant {
             leg_deflection_m,
             hull_contact,
             lit: self.held.flame.lit,
+            singular: self.held.singular,
             expelled_kg: [state.expelled_nozzle_kg, state.expelled_rcs_kg, state.expelled_vent_kg],
         }
     }

@@ -5,7 +5,7 @@
 //! the flight controller's own channels do it. Before anything was armed for the first time the initial
 //! state holds: nothing flows, not even through a vent that is open without power.
 
-use crate::scenario::SequenceSource;
+use crate::scenario::{Scenario, SequenceSource};
 use crate::signal::{ActuatorCommand, Discrete};
 use crate::time::SimTime;
 
@@ -29,19 +29,34 @@ pub(super) struct Positions {
     pub(super) igniter: bool,
 }
 
+/// Who commands the discrete actuators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Authority {
+    /// Arming and throttle imply everything.
+    Automatic,
+    /// The flight controller's own channels.
+    Controls,
+    /// A schedule's columns; the igniter waits for the throttle, so that it does not burn out before.
+    Schedule,
+}
+
 /// Memory of the sequence.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
-    source: SequenceSource,
+    authority: Authority,
     release_time: SimTime,
     was_armed: bool,
     release_commanded: Option<SimTime>,
 }
 
 impl Sequence {
-    pub(super) fn new(source: SequenceSource, release_time_s: f64) -> Self {
+    pub(super) fn new(scenario: &Scenario, release_time_s: f64) -> Self {
         Self {
-            source,
+            authority: match scenario.file.sequence.source {
+                _ if scenario.schedule.is_some() => Authority::Schedule,
+                SequenceSource::Auto => Authority::Automatic,
+                SequenceSource::Controls => Authority::Controls,
+            },
             release_time: SimTime::from_s(release_time_s),
             was_armed: false,
             release_commanded: None,
@@ -54,14 +69,17 @@ impl Sequence {
         let wanted = if !command.armed {
             Discrete::SAFE
         } else {
-            match self.source {
-                SequenceSource::Auto => Discrete {
+            match self.authority {
+                Authority::Automatic => Discrete {
                     igniter: throttle_on,
                     isolation_open: true,
                     vent_shut: true,
                     hold_down_released: throttle_on,
                 },
-                SequenceSource::Controls => command.discrete,
+                Authority::Controls => command.discrete,
+                Authority::Schedule => {
+                    Discrete { igniter: command.discrete.igniter && throttle_on, ..command.discrete }
+                }
             }
         };
         // A pin that was pulled stays pulled.

@@ -88,6 +88,8 @@ pub struct Snapshot {
     pub hull_contact: bool,
     /// The engine burns.
     pub lit: bool,
+    /// The balance of momentum had no solution: the run means nothing any more.
+    pub singular: bool,
     /// Mass that left through nozzle, thrusters and vent [kg].
     pub expelled_kg: [f64; 3],
 }

@@ -56,13 +56,16 @@ impl Grain {
         Ok(())
     }
 
-    /// Port radius at which no web is left [m]: the outer radius for one port. N ports stand on a bolt
-    /// circle; they are taken to meet when their area fills the grain.
+    /// Port radius at which no web is left [m]: the outer radius for one port. N ports stand on a circle
+    /// midway between axis and wall and meet their neighbours at Ro/2 sin(π/N); what is left then are slivers.
     pub fn burn_through_radius_m(&self) -> f64 {
-        self.outer_radius_m / f64::from(self.port_count).sqrt()
+        match self.port_count {
+            1 => self.outer_radius_m,
+            ports => 0.5 * self.outer_radius_m * libm::sin(PI / f64::from(ports)),
+        }
     }
 
-    /// Fuel left [kg], Eq (6R): ρ L (π Ro² - N π R²), zero at burn-through.
+    /// Fuel left [kg], Eq (6R): ρ L (π Ro² - N π R²).
     pub fn fuel_kg(&self, port_radius_m: f64) -> f64 {
         let ports = f64::from(self.port_count);
         let area_m2 =

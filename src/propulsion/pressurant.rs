@@ -79,17 +79,6 @@ pub struct Regulator {
     pub minimum_drop_pa: f64,
 }
 
-impl Regulator {
-    /// Outlet pressure [Pa] at a flow of nitrogen into the tank.
-    pub fn outlet_pa(&self, nitrogen_kg_s: f64) -> f64 {
-        if nitrogen_kg_s > 0.0 {
-            (self.set_pressure_pa - self.droop_pa_s_kg * nitrogen_kg_s).max(0.0)
-        } else {
-            self.set_pressure_pa + self.lockup_pa
-        }
-    }
-}
-
 /// The nitrogen at its two temperatures.
 #[derive(Clone, Debug)]
 pub struct PressurantGas {
@@ -106,8 +95,6 @@ pub struct NitrogenInventory {
     pub total_kg: f64,
     /// Volume above the liquid in the run tank [m³].
     pub ullage_m3: f64,
-    /// Flow of nitrogen into the tank, of the last step [kg/s].
-    pub flow_kg_s: f64,
     /// Ambient pressure, below which the tank does not fall [Pa].
     pub ambient_pa: f64,
 }
@@ -136,13 +123,13 @@ impl Pressurant {
 
     /// Distributes the nitrogen between bottle and tank.
     pub fn distribute(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
-        let NitrogenInventory { total_kg, ullage_m3, flow_kg_s, ambient_pa } = *inventory;
+        let NitrogenInventory { total_kg, ullage_m3, ambient_pa } = *inventory;
         let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;
         let total_kg = total_kg.max(0.0);
         let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
 
-        let outlet_pa = self.regulator.outlet_pa(flow_kg_s);
+        let outlet_pa = self.regulator.set_pressure_pa;
         let tank_kg = in_tank_kg(outlet_pa);
         let bottle_kg = total_kg - tank_kg;
         if bottle_kg > 0.0 {
@@ -195,14 +182,9 @@ mod tests {
     }
 
     fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
-        let inventory = NitrogenInventory {
-            total_kg,
-            ullage_m3,
-            ullage_k: 290.0,
-            flow_kg_s: 0.01,
-            ambient_pa: 101_325.0,
-        };
-        reference().distribute(&inventory)
+        let inventory = NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0 };
+        let gas = PressurantGas { bottle: Isotherm::new(290.0), ullage: Isotherm::new(290.0) };
+        reference().distribute(&gas, &inventory)
     }
 
     #[test]

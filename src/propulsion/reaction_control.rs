@@ -129,6 +129,19 @@ impl ReactionControl {
             let message = format!("{} s exceeds period_s = {} s", self.minimum_on_time_s, self.period_s);
             return Err(Invalid::new("minimum_on_time_s", message));
         }
+        // Pulses on their way must fit the modulator's memory.
+        let longest_s = (PULSES - 2) as f64 * self.period_s;
+        if self.delay_s > longest_s {
+            let message =
+                format!("{} s is out of range; allowed up to six periods, {longest_s} s", self.delay_s);
+            return Err(Invalid::new("delay_s", message));
+        }
+        if self.thruster.len() > 16 {
+            return Err(Invalid::new(
+                "thruster",
+                format!("{} thrusters; allowed up to 16", self.thruster.len()),
+            ));
+        }
         for (i, thruster) in self.thruster.iter().enumerate() {
             if Vec3::from(thruster.force_direction).norm() < 1e-6 {
                 return Err(Invalid::new(format!("thruster[{i}].force_direction"), "has no length"));

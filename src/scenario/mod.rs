@@ -376,6 +376,19 @@ impl Scenario {
         if let Some(grade) = file.sensors.gnss {
             vehicle.sensors.gnss.grade = grade;
         }
+        let mut faults = Vec::new();
+        if schedule.is_none() && file.initial.engine == EngineStart::Running {
+            faults.push(Invalid::new("initial.engine", "\"running\" needs a command schedule"));
+        }
+        if schedule.is_none() && file.initial.place == Place::Free {
+            faults.push(Invalid::new(
+                "initial.place",
+                "\"free\" needs a command schedule: the autopilot starts from the pad",
+            ));
+        }
+        if !faults.is_empty() {
+            return Err(faults);
+        }
         let site = file.site.clone().unwrap_or_else(|| vehicle.site.clone());
         Ok(Self { name: name.to_owned(), file, vehicle, site, schedule })
     }
@@ -413,8 +426,15 @@ impl Scenario {
         }
     }
 
-    /// The landing target, north and east of the pad [m].
+    /// The landing target, north and east of the pad's origin [m]: the mission counts from the start.
     pub fn target_north_east_m(&self) -> [f64; 2] {
-        self.file.mission.target_north_east_m
+        let ([north, east], [n0, e0]) = (self.file.mission.target_north_east_m, self.start_north_east_m());
+        [n0 + north, e0 + east]
+    }
+
+    /// Where the flight starts, north and east of the pad's origin [m]: the origin of the autopilot's frame.
+    pub fn start_north_east_m(&self) -> [f64; 2] {
+        let [north, east, _] = self.file.initial.position_ned_m;
+        [north, east]
     }
 }

@@ -8,7 +8,7 @@ pub mod outfit;
 mod referee;
 pub mod report;
 
-pub use referee::{Circumstances, Referee};
+pub use referee::{Circumstances, Referee, Rules};
 pub use report::{Event, FlownBy, Report, Source};
 
 use crate::autopilot::Autopilot;
@@ -17,7 +17,7 @@ use crate::input::Invalid;
 use crate::plant::{Plant, STEP, Snapshot};
 use crate::scenario::{Outcome, Place, Scenario};
 use crate::sensor::{SensorSetup, SensorSuite};
-use crate::signal::{ActuatorCommand, Measurement, Throttle};
+use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
 
 use report::{MassBalance, Propellant, Timing, Verdict};
@@ -44,6 +44,7 @@ pub struct Flight {
     hash: Fnv,
     steps: u64,
     estimate_at_touchdown: Option<Vec3>,
+    flown_elsewhere: bool,
     reference_elsewhere_ned_m: Option<Vec3>,
 }
 
@@ -93,9 +94,20 @@ impl Flight {
         let target = Vec3::new(scenario.target_north_east_m()[0], scenario.target_north_east_m()[1], 0.0);
         let stroke_m = scenario.vehicle.landing_gear.stroke_m;
         let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
+        let parameters = outfit::autopilot(scenario, plant.environment(), instruments);
+        let scheduled = scenario.schedule.is_some();
+        if !scheduled {
+            parameters.validate()?;
+        }
         Ok(Self {
-            autopilot: Autopilot::new(outfit::autopilot(scenario, plant.environment(), instruments)),
-            referee: Referee::new(target, stroke_m, scenario.file.timeout_s, has_ground),
+            autopilot: Autopilot::new(parameters),
+            referee: Referee::new(Rules {
+                target_ned_m: target,
+                stroke_m,
+                timeout_s: scenario.file.timeout_s,
+                has_ground,
+                scheduled,
+            }),
             scenario: scenario.clone(),
             seed,
             plant,
@@ -111,6 +123,7 @@ impl Flight {
             hash: Fnv::default(),
             steps: 0,
             estimate_at_touchdown: None,
+            flown_elsewhere: false,
             reference_elsewhere_ned_m: None,
         })
     }
@@ -143,7 +156,7 @@ impl Flight {
             &self.snapshot,
             &Circumstances {
                 armed: command.armed,
-                throttle: command.armed && asks_for_thrust(command),
+                throttle: self.plant.throttle_on(command),
                 mission_s: self.plant.mission_s(),
                 hover_reference_ned_m: self.hover_reference(),
                 dt_s: STEP.s(),
@@ -163,13 +176,28 @@ impl Flight {
     /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
     fn hover_reference(&self) -> Option<Vec3> {
         (self.source == Source::Autopilot && self.phase == Some("hover")).then(|| {
-            self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m)
+            let reference =
+                self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m);
+            self.from_start(reference)
         })
+    }
+
+    /// A position in the autopilot's frame, whose origin is the start, in the frame of the pad.
+    fn from_start(&self, position_ned_m: Vec3) -> Vec3 {
+        let [north, east] = self.scenario.start_north_east_m();
+        position_ned_m + Vec3::new(north, east, 0.0)
+    }
+
+    /// The autopilot that flies is not this flight's own but one at the other end of a link: its estimate
+    /// comes by [`Flight::set_estimate_at_touchdown`].
+    pub fn set_flown_elsewhere(&mut self) {
+        self.flown_elsewhere = true;
     }
 
     fn touchdown_event(&mut self) {
         let Some(touchdown) = self.referee.touchdown else { return };
-        if self.source == Source::Autopilot && self.estimate_at_touchdown.is_none() {
+        let own = self.source == Source::Autopilot && !self.flown_elsewhere;
+        if own && self.estimate_at_touchdown.is_none() {
             self.estimate_at_touchdown = Some(self.autopilot.estimate().position_ned_m);
         }
         self.event(
@@ -191,7 +219,7 @@ impl Flight {
         self.plant.time()
     }
 
-    /// Time since the igniter was fired [s].
+    /// Time since the first flame [s].
     pub fn mission_s(&self) -> Option<f64> {
         self.plant.mission_s()
     }
@@ -302,7 +330,7 @@ impl Flight {
         let [nozzle, rcs, vent] = end.expelled_kg;
         let target = self.scenario.target_north_east_m();
         let touchdown = self.referee.touchdown.map(|mut touchdown| {
-            if let Some(estimate) = self.estimate_at_touchdown {
+            if let Some(estimate) = self.estimate_at_touchdown.map(|e| self.from_start(e)) {
                 touchdown.control_error_m = Some(libm::hypot(estimate.x - target[0], estimate.y - target[1]));
                 touchdown.navigation_error_m =
                     self.true_at_touchdown().map(|p| libm::hypot(estimate.x - p.x, estimate.y - p.y));
@@ -353,14 +381,6 @@ impl Flight {
     }
 }
 
-/// Whether a command asks for any thrust at all.
-fn asks_for_thrust(command: &ActuatorCommand) -> bool {
-    match command.throttle {
-        Throttle::ThrustN(thrust_n) => thrust_n > 0.0,
-        Throttle::ValveRad(valve_rad) => valve_rad > 0.0,
-    }
-}
-
 /// Flies a scenario to its end, as fast as possible, with its schedule or the built-in autopilot.
 /// `each_step` sees the truth at step 0 and after every step.
 ///
@@ -369,28 +389,27 @@ fn asks_for_thrust(command: &ActuatorCommand) -> bool {
 pub fn fly(scenario: &Scenario, seed: u32, mut each_step: impl FnMut(&Snapshot)) -> Result<Flight, Invalid> {
     let mut flight = Flight::new(scenario, seed)?;
     each_step(flight.snapshot());
-    let end = scenario.file.duration_s.map(SimTime::from_s);
-    if let Some(schedule) = &scenario.schedule {
-        flight.set_source(Source::Commands);
-        while flight.outcome().is_none() {
-            flight.step(schedule.at(flight.time()));
-            each_step(flight.snapshot());
-            if end.is_some_and(|end| flight.time() >= end) {
-                flight.end(Outcome::Completed);
-            }
-        }
-        return Ok(flight);
-    }
-    flight.set_source(Source::Autopilot);
+    let file = &scenario.file;
+    let end = file.duration_s.map(SimTime::from_s);
+    // A flight that nothing ever lights has no mission time; this ends it all the same.
+    let patience = SimTime::from_s(file.timeout_s + file.mission.alignment_s + file.mission.ready_s);
+    flight.set_source(if scenario.schedule.is_some() { Source::Commands } else { Source::Autopilot });
     let mut command = ActuatorCommand::SAFE;
     while flight.outcome().is_none() {
+        if let Some(schedule) = &scenario.schedule {
+            command = *schedule.at(flight.time());
+        }
         flight.step(&command);
         each_step(flight.snapshot());
-        if let Some(next) = flight.autopilot_command() {
+        if scenario.schedule.is_none()
+            && let Some(next) = flight.autopilot_command()
+        {
             command = next;
         }
         if end.is_some_and(|end| flight.time() >= end) {
             flight.end(Outcome::Completed);
+        } else if end.is_none() && flight.mission_s().is_none() && flight.time() > patience {
+            flight.end(Outcome::Timeout);
         }
     }
     Ok(flight)

@@ -32,7 +32,7 @@ pub fn autopilot(
     let vehicle = &scenario.vehicle;
     Parameters {
         mission: scenario.file.mission.clone(),
-        sequence: SequenceParameters::default(),
+        sequence: sequence(vehicle, environment.atmosphere.pressure_pa),
         navigation: navigation(scenario, environment, instruments),
         propellant: propellant(vehicle),
         thrust_map: thrust_map(vehicle, environment.atmosphere.pressure_pa),
@@ -156,6 +156,32 @@ fn propellant(vehicle: &Vehicle) -> PropellantParameters {
         thrust_min_n: vehicle.rating.thrust_command_min_n,
         thrust_max_n: vehicle.rating.thrust_command_max_n,
         thrust_shut_n: engine.ignition.shutdown_fraction * vehicle.rating.thrust_rated_n,
+    }
+}
+
+/// Times and thresholds of the start, from the engine's own.
+fn sequence(vehicle: &Vehicle, ambient_pa: f64) -> SequenceParameters {
+    let ignition = &vehicle.engine_parameters.ignition;
+    let feed = FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
+    let condition = EngineCondition {
+        port_radius_m: vehicle.engine.grain().port_radius_m,
+        throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
+        burning_fraction: 1.0,
+        ambient_pa,
+        chamber_gas: None,
+        oxidizer_flow_limit_kg_s: f64::INFINITY,
+    };
+    let idle =
+        vehicle.engine.inverse(&feed, vehicle.rating.thrust_command_min_n, &condition, Guess::default());
+    SequenceParameters {
+        // Between unlit flow, a quarter of the idle pressure, and the burning chamber.
+        lit_pressure_pa: ambient_pa + 0.4 * (idle.point.chamber_pa - ambient_pa),
+        // 90 % of a first-order rise.
+        thrust_rise_s: 2.4 * ignition.rise_time_constant_s,
+        assumed_ignition_s: ignition.igniter_delay_s + 0.2,
+        // The igniter, and the time the flow takes behind the isolation valve.
+        ignition_timeout_s: ignition.igniter_delay_s + ignition.igniter_burn_s + 2.7,
+        ..SequenceParameters::default()
     }
 }
 

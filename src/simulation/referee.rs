@@ -25,13 +25,25 @@ const AFTER_CONTACT_S: f64 = 10.0;
 /// Throttle without a flame for so long is no ignition [s].
 const NO_IGNITION_S: f64 = 10.0;
 
+/// What a flight is judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// Landing target, NED from the pad [m].
+    pub target_ned_m: Vec3,
+    /// What the legs can take [m].
+    pub stroke_m: f64,
+    /// Longest mission time [s].
+    pub timeout_s: f64,
+    /// There is ground.
+    pub has_ground: bool,
+    /// A schedule flies: only its duration, a crash or a fall ends the run.
+    pub scheduled: bool,
+}
+
 /// Watches one flight.
 #[derive(Clone, Debug)]
 pub struct Referee {
-    target_ned_m: Vec3,
-    stroke_m: f64,
-    timeout_s: f64,
-    has_ground: bool,
+    rules: Rules,
     pub(super) max_altitude_m: f64,
     pub(super) liftoff_s: Option<f64>,
     airborne: bool,
@@ -58,7 +70,7 @@ pub struct Circumstances {
     pub armed: bool,
     /// Whoever flies asks for thrust.
     pub throttle: bool,
-    /// Time since ignition of the igniter [s].
+    /// Time since the first flame [s].
     pub mission_s: Option<f64>,
     /// Reference of the hover phase, NED of the pivot, while in it.
     pub hover_reference_ned_m: Option<Vec3>,
@@ -76,13 +88,10 @@ pub struct Seen {
 }
 
 impl Referee {
-    /// For one flight to a target; `stroke_m` is what the legs can take.
-    pub fn new(target_ned_m: Vec3, stroke_m: f64, timeout_s: f64, has_ground: bool) -> Self {
+    /// For one flight.
+    pub fn new(rules: Rules) -> Self {
         Self {
-            target_ned_m,
-            stroke_m,
-            timeout_s,
-            has_ground,
+            rules,
             max_altitude_m: 0.0,
             liftoff_s: None,
             airborne: false,
@@ -132,18 +141,27 @@ impl Referee {
             sums.lateral_m2 += off.x * off.x + off.y * off.y;
             sums.duration_s += is.dt_s;
         }
-        if self.has_ground {
+        if self.rules.has_ground {
             seen = self.watch_ground(now, is, time_s);
         }
-        if is.throttle && !now.lit {
-            let since = *self.throttle_since_s.get_or_insert(time_s);
-            if time_s - since >= NO_IGNITION_S && self.liftoff_s.is_none() {
+        if now.singular {
+            self.end(Outcome::Aborted);
+        }
+        if self.rules.scheduled {
+            return seen;
+        }
+        // From the first throttle on; only a flame ends the wait, not a controller that gives up.
+        if now.lit || self.liftoff_s.is_some() {
+            self.throttle_since_s = None;
+        } else if is.mission_s.is_none() {
+            if is.throttle {
+                self.throttle_since_s.get_or_insert(time_s);
+            }
+            if self.throttle_since_s.is_some_and(|since| time_s - since >= NO_IGNITION_S) {
                 self.end(Outcome::NoIgnition);
             }
-        } else {
-            self.throttle_since_s = None;
         }
-        if is.mission_s.is_some_and(|mission_s| mission_s >= self.timeout_s) {
+        if is.mission_s.is_some_and(|mission_s| mission_s >= self.rules.timeout_s) {
             self.end(Outcome::Timeout);
         }
         seen
@@ -159,7 +177,7 @@ impl Referee {
         self.airborne |= self.liftoff_s.is_some() && now.height_m > AIRBORNE_M;
         if self.airborne && on_ground && self.touchdown.is_none() {
             let v = now.com_velocity_ned_m_s;
-            let off = now.position_ned_m - self.target_ned_m;
+            let off = now.position_ned_m - self.rules.target_ned_m;
             self.touchdown_ned_m = Some(now.position_ned_m);
             self.touchdown = Some(Touchdown {
                 time_s,
@@ -172,13 +190,12 @@ impl Referee {
             });
             seen.touchdown = true;
         }
-        if now.hull_contact || now.leg_deflection_m > self.stroke_m {
+        if now.hull_contact || now.leg_deflection_m > self.rules.stroke_m {
             self.end(Outcome::Crashed);
         }
         if on_ground && now.tilt_rad() > TIPPED_TILT_RAD {
             self.end(Outcome::Tipped);
         }
-        let Some(contact) = self.touchdown else { return seen };
         let resting = now.pads_down >= REST_PADS
             && now.com_velocity_ned_m_s.norm() < REST_SPEED_M_S
             && now.tilt_rad() < REST_TILT_RAD
@@ -187,10 +204,18 @@ impl Referee {
         if !resting {
             self.rest_since_s = None;
         }
-        if rested_s >= REST_S && !is.armed {
+        let at_rest = rested_s >= REST_S && !is.armed;
+        let Some(contact) = self.touchdown else {
+            // Lit, never lifted, shut down and disarmed: nothing more will come.
+            if at_rest && is.mission_s.is_some() {
+                self.end(Outcome::Aborted);
+            }
+            return seen;
+        };
+        if at_rest {
             self.end(Outcome::Landed);
         }
-        if time_s - contact.time_s >= AFTER_CONTACT_S {
+        if time_s - contact.time_s >= AFTER_CONTACT_S && !self.rules.scheduled {
             self.end(if rested_s >= REST_S { Outcome::Landed } else { Outcome::Timeout });
         }
         seen
