@@ -213,8 +213,11 @@ fn running_out_of_anything_is_an_event_and_a_tail() {
         let report = flight.report(false);
         let closure = report.mass.closure_error_kg.abs() / report.mass.initial_kg;
         assert!(closure < 1e-9, "{what}: {closure}");
-        if what != "bottle_low" {
-            assert!(flight.snapshot().thrust_n < 60.0, "{what}: {}", flight.snapshot().thrust_n);
+        match what {
+            // Unlit nitrous at 40 s of specific impulse goes on while the valve is open.
+            "fuel_burn_through" => assert!(!flight.snapshot().lit && flight.snapshot().thrust_n < 130.0),
+            "nitrous_depleted" => assert!(flight.snapshot().thrust_n < 1.0),
+            _ => {}
         }
     }
 }
@@ -229,7 +232,7 @@ fn an_engine_that_will_not_light_ends_the_flight_of_the_built_in_autopilot() {
 
 #[test]
 fn a_burnt_grain_neither_relights_nor_breaks_the_books() {
-    let overrides = [("initial.port_radius_m", "0.0655"), ("initial.clamped", "true")];
+    let overrides = [("initial.port_radius_m", "0.0674"), ("initial.clamped", "true")];
     let mut flight = Flight::new(&scenario("hover_5m", &overrides), 1).unwrap();
     hold(&mut flight, &armed(Throttle::ThrustN(0.0)), 1.5, |_| {});
     for _ in 0..6 {

@@ -1,9 +1,9 @@
 //! What must hold for the engine whatever its numbers: inverse undoes forward, more valve is more thrust,
 //! nothing jumps, nothing is NaN, off is off, the filling chamber settles on the steady one.
 
-mod common;
+mod bare_engine;
 
-use common::{AMBIENT_PA, at_angle, at_flow, condition, engine, filling_engine, vehicle};
+use bare_engine::{AMBIENT_PA, at_angle, at_flow, condition, engine, filling_engine, vehicle};
 use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, Guess, NozzleFlow};
 use proptest::prelude::*;
 
@@ -224,12 +224,12 @@ proptest! {
         vehicle.engine.grain.regression_exponent = exponent;
         vehicle.engine.grain.regression_coefficient_si = libm::exp(log_coefficient).clamp(1e-7, 1e-2);
         vehicle.engine.grain.port_count = ports;
-        vehicle.engine.grain.port_radius_m = 0.004;
+        vehicle.engine.grain.port_radius_m = 0.001;
         vehicle.engine.nozzle.throat_diameter_m = throat_mm * 1e-3;
         vehicle.engine.nozzle.expansion_ratio = expansion;
         vehicle.feed.injector.hole_count = holes;
         vehicle.feed.injector.hole_diameter_m = hole_mm * 1e-3;
-        let engine = common::engine_of(&vehicle);
+        let engine = bare_engine::engine_of(&vehicle);
         let feed = FeedMap::new(tank_pa, tank_k);
         let gas = ChamberGas { oxidizer_kg: oxidizer_g * 1e-3, fuel_kg: fuel_g * 1e-3 };
         let condition = EngineCondition {

@@ -58,6 +58,9 @@ const SEATED_RAD_S: f64 = 0.1;
 /// Share of a thruster's level below which it is off.
 const RCS_OFF: f64 = 1e-6;
 
+/// Share of the flow below which a dying flame is out.
+const FLICKER: f64 = 0.02;
+
 /// A store that is nearly empty gives what it has within so long [s]: a few steps, so that integration never
 /// passes zero.
 const DRAIN_S: f64 = 4e-3;
@@ -876,8 +879,8 @@ impl Plant {
                 igniter: self.held.igniter,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
-                // What burns goes on into its tail; what is out stays out.
-                fuel_left: self.held.flame.lit || !self.held.burnt_through,
+                // What burns goes on into its tail until it is a flicker; what is out stays out.
+                fuel_left: !self.held.burnt_through || (self.held.flame.lit && burning > FLICKER),
             },
         );
         match (self.held.flame.lit, flame.lit) {
