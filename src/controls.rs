@@ -60,7 +60,8 @@ pub struct Channels {
     /// Hold-down release; absent: always held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold_down_release: Option<Switch>,
-    /// Counter that the flight controller may change to have latency measured; moves nothing.
+    /// Reserved for a counter by which the flight controller measures latency; moves nothing, and nobody
+    /// reads it yet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub echo: Option<Channel>,
 }

@@ -469,6 +469,13 @@ pub fn explain(schema: &Schema, path: &str) -> Option<String> {
     if bound("minimum").is_some() || bound("maximum").is_some() {
         lines.push(format!("  allowed: {}", range(bound("minimum"), bound("maximum"))));
     }
+    // Bounds of the elements of a list.
+    let item = either("items").map(|items| walk.resolve(items));
+    let item_bound = |key: &str| item.and_then(|item| item.get(key)).and_then(Json::as_f64);
+    let (least, most) = (item_bound("minimum"), item_bound("maximum"));
+    if least.is_some() || most.is_some() {
+        lines.push(format!("  allowed: {} each", range(least, most)));
+    }
     let choices: Vec<Json> = match either("enum").and_then(Json::as_array) {
         Some(all) => all.clone(),
         None => alternatives(node).into_iter().flatten().filter_map(|a| a.get("const").cloned()).collect(),
@@ -583,6 +590,8 @@ mod tests {
     fn a_key_is_explained_from_the_schema() {
         let text = explain(&schemars::schema_for!(Outer), "inner.length_m").unwrap();
         assert!(text.contains("Length of the thing.") && text.contains("allowed: 0.01 to 2"), "{text}");
+        let list = explain(&schemars::schema_for!(Outer), "inner.axis").unwrap();
+        assert!(list.contains("allowed: -1 to 1 each"), "{list}");
         assert!(explain(&schemars::schema_for!(Outer), "spare.length_m").is_some());
         assert!(explain(&schemars::schema_for!(Outer), "inner.nothing").is_none());
     }

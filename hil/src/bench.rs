@@ -23,10 +23,17 @@ use hopbench::time::SimTime;
 use crate::link::{Link, Notice};
 use crate::live::Live;
 use crate::mavlink::measurement::TrueState;
-use crate::mavlink::{ControlsFrame, Decoder, FromFc, MODE_HIL};
+use crate::mavlink::{ControlsFrame, Decoder, FromFc, Heartbeat as HeartbeatFrame, MODE_HIL};
 use crate::pace::{Distribution, RealTime, now_ns};
 use crate::profile::{Heartbeat, Pacing, Profile};
 use crate::stream::Streams;
+
+/// MAV_COMP_ID_AUTOPILOT1
+const AUTOPILOT_COMPONENT: u8 = 1;
+/// MAV_AUTOPILOT_INVALID: a component that is no flight controller.
+const AUTOPILOT_INVALID: u8 = 8;
+/// Longest wait without a look at the request to stop.
+const SLICE: Duration = Duration::from_millis(50);
 
 /// How a run is to be made.
 #[derive(Clone, Debug)]
@@ -52,6 +59,8 @@ pub struct Belief {
     pub phase: &'static str,
     /// Where it wants it to be [m].
     pub reference_ned_m: hopbench::frame::Vec3,
+    /// Where it takes it to be [m].
+    pub estimate_ned_m: hopbench::frame::Vec3,
 }
 
 /// One run on one link.
@@ -87,6 +96,10 @@ enum Stage {
 struct FlightController {
     /// Its HEARTBEAT was heard, and whether the last one carried the HIL flag.
     heartbeat: Option<bool>,
+    /// System and component that send controls.
+    sender: Option<(u8, u8)>,
+    /// That controls came before the HIL flag has been said.
+    flag_missed: bool,
     /// First HIL_ACTUATOR_CONTROLS, simulated time.
     first: Option<SimTime>,
     /// It answers HIL_SENSOR: lockstep may wait for it.
@@ -113,6 +126,10 @@ struct Figures {
     round_trip: Distribution,
     steps: u64,
     stalls: u64,
+    /// Frames encoded before, taken by the link and thrown away.
+    encoded: u64,
+    taken: u64,
+    dropped: u64,
     /// HIL_SENSOR times and when they left, for the round trip.
     sent: [(u64, u64); 64],
     next_heartbeat_ns: u64,
@@ -143,6 +160,9 @@ impl<'a> Bench<'a> {
                 round_trip: Distribution::new(),
                 steps: 0,
                 stalls: 0,
+                encoded: 0,
+                taken: 0,
+                dropped: 0,
                 sent: [(0, 0); 64],
                 next_heartbeat_ns: 0,
                 next_message_ns: now_ns() + 1_000_000_000,
@@ -174,7 +194,7 @@ impl<'a> Bench<'a> {
             }
             match self.stage {
                 Stage::Waiting => self.wait_for_somebody(),
-                _ if self.in_lockstep() => self.step_and_await(),
+                _ if self.in_lockstep() => self.step_and_await(stop),
                 Stage::Fallback if self.options.fast => {
                     self.receive();
                     self.step_and_send();
@@ -220,7 +240,10 @@ impl<'a> Bench<'a> {
     /// Heartbeats by the wall clock, while nothing else is sent.
     fn beat(&mut self) {
         let now = now_ns();
-        if self.options.profile.heartbeat == Heartbeat::Never || now < self.figures.next_heartbeat_ns {
+        if self.options.profile.heartbeat == Heartbeat::Never
+            || now < self.figures.next_heartbeat_ns
+            || !self.link.has_peer()
+        {
             return;
         }
         let eager =
@@ -238,7 +261,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    fn step_and_await(&mut self) {
+    fn step_and_await(&mut self, stop: &AtomicBool) {
         self.step();
         if self.flight.measurement().is_none() {
             return;
@@ -257,23 +280,29 @@ impl<'a> Bench<'a> {
         // While the flight controller thinks.
         self.consult();
         let start = Instant::now();
-        let deadline = start + self.options.lockstep_timeout;
+        let mut patience = self.options.lockstep_timeout;
+        if self.fc.armed {
+            // A long wait for one answer must not outlast the patience with a silent controller.
+            patience = patience.min(self.fc_timeout().saturating_sub(self.fc.waited));
+        }
+        let deadline = start + patience;
         loop {
             self.receive();
             // A controller that has gone and come back starts from the beginning.
-            if self.fc.answered || !self.fc.answers {
+            if self.fc.answered || !self.fc.answers || stop.load(Ordering::Relaxed) {
                 return;
             }
-            if Instant::now() >= deadline {
+            let now = Instant::now();
+            if now >= deadline {
                 break;
             }
-            self.link.wait(deadline);
+            self.link.wait(deadline.min(now + SLICE));
         }
         self.fc.waited += start.elapsed();
         self.figures.stalls += 1;
         self.live.notice(format!(
             "stall: no HIL_ACTUATOR_CONTROLS with time_usec {time_us} within {} ms on {}; the last command holds",
-            self.options.lockstep_timeout.as_millis(),
+            patience.as_millis(),
             self.link.address()
         ));
     }
@@ -311,12 +340,18 @@ impl<'a> Bench<'a> {
         if let Some(belief) = self.belief.and_then(|belief| belief()) {
             self.flight.note_phase(belief.phase);
             self.flight.set_reference_elsewhere(Some(belief.reference_ned_m));
+            if self.flight.has_touched_down() {
+                self.flight.set_estimate_at_touchdown(belief.estimate_ned_m);
+            }
         }
     }
 
     fn flush(&mut self) {
-        self.link.send(self.streams.bytes());
+        let taken = self.link.send(self.streams.bytes());
         self.streams.bytes().clear();
+        let frames = self.streams.frames() - self.figures.encoded;
+        self.figures.encoded += frames;
+        *(if taken { &mut self.figures.taken } else { &mut self.figures.dropped }) += frames;
     }
 
     fn note_sent(&mut self) {
@@ -338,9 +373,10 @@ impl<'a> Bench<'a> {
         self.decoder.push(&self.received);
         while let Some(frame) = self.decoder.next_frame() {
             let said = frame.from_fc();
+            let sender = (frame.system_id, frame.component_id);
             match &said {
-                FromFc::Controls(controls) => self.take_controls(controls),
-                FromFc::Heartbeat(beat) => self.fc.heartbeat = Some(beat.base_mode & MODE_HIL != 0),
+                FromFc::Controls(controls) => self.take_controls(controls, sender),
+                FromFc::Heartbeat(beat) => self.take_heartbeat(*beat, sender),
                 _ => self.streams.answer(&said, self.flight.time()),
             }
         }
@@ -350,11 +386,14 @@ impl<'a> Bench<'a> {
         let address = self.link.address().to_owned();
         match notice {
             Notice::Connected(peer) => {
+                self.decoder.forget_senders();
                 self.live.notice(format!("{address}: {peer} is there"));
             }
             Notice::Disconnected(why) => {
+                self.decoder.forget_senders();
                 self.fc.answers = false;
                 self.fc.heartbeat = None;
+                self.fc.sender = None;
                 self.live.notice(format!("{address}: lost, {why}"));
             }
             Notice::Refused(peer) => {
@@ -363,7 +402,31 @@ impl<'a> Bench<'a> {
         }
     }
 
-    fn take_controls(&mut self, frame: &ControlsFrame) {
+    /// Gimbals, cameras and ground stations have heartbeats too; the flight controller's is the one from
+    /// whoever sends controls, and until then from the component that autopilots are by convention.
+    fn take_heartbeat(&mut self, beat: HeartbeatFrame, sender: (u8, u8)) {
+        let ours = match self.fc.sender {
+            Some(known) => sender == known,
+            None => sender.1 == AUTOPILOT_COMPONENT,
+        };
+        if ours && beat.autopilot != AUTOPILOT_INVALID {
+            self.fc.heartbeat = Some(beat.base_mode & MODE_HIL != 0);
+        }
+    }
+
+    fn take_controls(&mut self, frame: &ControlsFrame, sender: (u8, u8)) {
+        self.fc.sender = Some(sender);
+        if self.stage == Stage::Waiting && !self.may_stream() {
+            // Its outputs may be live: nothing flies on them before it says that it is in the loop.
+            if self.options.profile.needs_hil_flag && !self.fc.flag_missed {
+                self.fc.flag_missed = true;
+                self.live.notice(format!(
+                    "{}: controls but no HEARTBEAT with the HIL flag: is SYS_HITL 1?",
+                    self.link.address()
+                ));
+            }
+            return;
+        }
         let controls = &self.scenario.vehicle.controls;
         let armed = frame.armed();
         let command =
@@ -395,10 +458,13 @@ impl<'a> Bench<'a> {
             // A second answer to the same sample is none.
             self.figures.sent[(sent_us / 1000) as usize % self.figures.sent.len()] = (0, 0);
         }
-        self.fc.answered |= frame.time_us == 0 || frame.time_us == now.us();
+        // In lockstep a controller that repeats itself is as silent as one that says nothing.
+        if frame.time_us == 0 || frame.time_us == now.us() {
+            self.fc.answered = true;
+            self.fc.waited = Duration::ZERO;
+        }
         self.fc.heard = now;
         self.fc.heard_ns = now_ns;
-        self.fc.waited = Duration::ZERO;
         self.fc.armed = armed;
         self.fc.ever_armed |= armed;
         if self.stage == Stage::Fallback {
@@ -431,8 +497,13 @@ impl<'a> Bench<'a> {
         self.inform();
     }
 
+    /// Silence after which the flight controller counts as lost.
+    fn fc_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.scenario.file.fc_timeout_ms * 1e-3)
+    }
+
     fn is_lost(&self) -> bool {
-        let timeout = Duration::from_secs_f64(self.scenario.file.fc_timeout_ms * 1e-3);
+        let timeout = self.fc_timeout();
         if self.in_lockstep() {
             return self.fc.waited >= timeout;
         }
@@ -475,17 +546,21 @@ impl<'a> Bench<'a> {
         if self.fc.first.is_none() {
             if now >= self.figures.next_message_ns {
                 self.figures.next_message_ns = now + 1_000_000_000;
-                self.live.notice(format!(
-                    "waiting for FC on {}, {} bytes",
-                    self.link.address(),
-                    self.link.counters().received_bytes
-                ));
+                let bytes = self.link.counters().received_bytes;
+                let nonsense = bytes > 0 && self.decoder.counters().frames == 0;
+                let hint = match (nonsense, self.options.baud) {
+                    (true, Some(_)) => ", no MAVLink in them: wrong baud rate?",
+                    (true, None) => ", no MAVLink in them",
+                    _ => "",
+                };
+                self.live.notice(format!("waiting for FC on {}, {bytes} bytes{hint}", self.link.address()));
             }
             return;
         }
         let (flight, command, stage) = (&*self.flight, &self.command, self.stage);
-        let (source, late_us) = (self.options.source, self.clock.lateness().quantile_us(0.99));
-        self.live.show(now, || live_line(flight, command, stage, source, late_us));
+        let (source, clock, ever_armed) = (self.options.source, &mut self.clock, self.fc.ever_armed);
+        let idle = if ever_armed { "disarmed" } else { "pad" };
+        self.live.show(now, || live_line(flight, command, stage, source, idle, clock.recent_lateness_us()));
     }
 
     fn finish(self) -> (Timing, LinkReport) {
@@ -505,10 +580,13 @@ impl<'a> Bench<'a> {
             round_trip_us: percentiles(&self.figures.round_trip),
         };
         let link = LinkReport {
-            sent: self.streams.frames(),
+            sent: self.figures.taken,
+            dropped: self.figures.dropped,
             received: counters.frames,
             crc_errors: counters.crc_errors,
             lost: counters.lost,
+            skipped_bytes: counters.skipped_bytes,
+            refused: self.link.counters().refused,
             stalls: self.figures.stalls,
             // Ten symbols to a byte.
             wire_load_percent: self
@@ -551,6 +629,7 @@ fn live_line(
     command: &ActuatorCommand,
     stage: Stage,
     source: Source,
+    idle: &'static str,
     late_us: f64,
 ) -> String {
     let now = flight.snapshot();
@@ -564,7 +643,7 @@ fn live_line(
         Throttle::ThrustN(thrust_n) => thrust_n,
         Throttle::ValveRad(_) => now.thrust_command_n,
     };
-    let phase = flight.phase().unwrap_or(if command.armed { "armed" } else { "pad" });
+    let phase = flight.phase().unwrap_or(if command.armed { "armed" } else { idle });
     format!(
         "{:7.2} s {phase:<9} h {:6.2} m  v {:+5.2} m/s  thrust {:4.0}/{asked_n:4.0} N  valve {:4.1} deg  \
          Pc {:4.1} bar  N2O {:5.2} kg  {who}  late {late_us:.0} us",

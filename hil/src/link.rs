@@ -16,8 +16,14 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::serial;
 
-/// Bytes that wait for a slow peer; about a second of the fullest profile.
-const QUEUE_BYTES: usize = 64 * 1024;
+/// Bytes that wait for a slow network peer; about a second of the fullest profile.
+const NETWORK_QUEUE_BYTES: usize = 64 * 1024;
+/// Bytes that wait for a serial line, besides what the system holds: what waits longer is stale.
+const SERIAL_QUEUE_BYTES: usize = 4 * 1024;
+/// Who was turned away is not named again for this long.
+const REFUSAL_SILENCE: Duration = Duration::from_secs(1);
+/// Strangers that are told apart.
+const STRANGERS: usize = 16;
 /// A `udp-listen` peer silent for this long gives way to whoever writes next.
 const PEER_SILENCE: Duration = Duration::from_secs(1);
 
@@ -105,7 +111,25 @@ pub struct Link {
     /// Bytes a stream has not taken yet.
     queue: Vec<u8>,
     notices: Vec<Notice>,
+    strangers: Strangers,
     counters: Counters,
+}
+
+/// Who was turned away of late, so that a flood of strangers is no flood of notices.
+#[derive(Debug, Default)]
+struct Strangers(Vec<(SocketAddr, Instant)>);
+
+impl Strangers {
+    /// Whether this one is worth a notice.
+    fn is_news(&mut self, who: SocketAddr) -> bool {
+        let now = Instant::now();
+        self.0.retain(|(_, named)| now - *named < REFUSAL_SILENCE);
+        let news = self.0.len() < STRANGERS && self.0.iter().all(|(known, _)| *known != who);
+        if news {
+            self.0.push((who, now));
+        }
+        news
+    }
 }
 
 #[derive(Debug)]
@@ -265,7 +289,14 @@ impl Link {
     }
 
     fn over(transport: Transport, address: String) -> Self {
-        Self { transport, address, queue: Vec::new(), notices: Vec::new(), counters: Counters::default() }
+        Self {
+            transport,
+            address,
+            queue: Vec::new(),
+            notices: Vec::new(),
+            strangers: Strangers::default(),
+            counters: Counters::default(),
+        }
     }
 
     /// The link with the address actually bound, `udp-listen:127.0.0.1:14555`.
@@ -308,29 +339,36 @@ impl Link {
         }
     }
 
-    /// Sends, or queues, or drops and counts; never blocks. One call is one datagram on UDP.
-    pub fn send(&mut self, bytes: &[u8]) {
+    /// Sends, or queues, or drops and counts; never blocks. One call is one datagram on UDP. Whether the
+    /// bytes were taken.
+    pub fn send(&mut self, bytes: &[u8]) -> bool {
         if bytes.is_empty() {
-            return;
+            return true;
         }
         self.progress();
         if !self.has_peer() {
             self.counters.dropped_no_peer += 1;
-            return;
+            return false;
         }
         if let Transport::Udp { socket, peer: Some(peer), .. } = &self.transport {
-            match socket.send_to(bytes, *peer) {
-                Ok(_) => self.counters.sent_bytes += bytes.len() as u64,
-                Err(_) => self.counters.dropped_queue_full += 1,
+            let taken = socket.send_to(bytes, *peer).is_ok();
+            match taken {
+                true => self.counters.sent_bytes += bytes.len() as u64,
+                false => self.counters.dropped_queue_full += 1,
             }
-            return;
+            return taken;
         }
-        if self.queue.len() + bytes.len() > QUEUE_BYTES {
+        let room = match self.transport {
+            Transport::Pipe { .. } => SERIAL_QUEUE_BYTES,
+            _ => NETWORK_QUEUE_BYTES,
+        };
+        if self.queue.len() + bytes.len() > room {
             self.counters.dropped_queue_full += 1;
-            return;
+            return false;
         }
         self.queue.extend_from_slice(bytes);
         self.flush();
+        true
     }
 
     /// Returns when something may have arrived, at the deadline at the latest.
@@ -367,7 +405,10 @@ impl Link {
                 while let Ok((newcomer, address)) = listener.accept() {
                     if stream.is_some() {
                         self.counters.refused += 1;
-                        self.notices.push(Notice::Refused(address.to_string()));
+                        // Each attempt has a port of its own.
+                        if self.strangers.is_news(SocketAddr::new(address.ip(), 0)) {
+                            self.notices.push(Notice::Refused(address.to_string()));
+                        }
                     } else if prepare(&newcomer).is_ok() {
                         *stream = Some(newcomer);
                         self.queue.clear();
@@ -419,9 +460,8 @@ impl Link {
                     let free = *listens && (peer.is_none() || now - *heard > PEER_SILENCE);
                     if !free {
                         self.counters.refused += 1;
-                        let refused = Notice::Refused(from.to_string());
-                        if !self.notices.contains(&refused) {
-                            self.notices.push(refused);
+                        if self.strangers.is_news(from) {
+                            self.notices.push(Notice::Refused(from.to_string()));
                         }
                         return Some(0);
                     }

@@ -5,6 +5,7 @@
 use std::io::{IsTerminal, Write};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 enum Line {
     /// Stays.
@@ -57,9 +58,13 @@ impl Live {
 
 impl Drop for Live {
     fn drop(&mut self) {
+        /// A stderr that nobody reads must not hold up the verdict: then the thread is left to itself.
+        const PATIENCE: Duration = Duration::from_millis(200);
         self.lines = None;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
+        let Some(thread) = self.thread.take() else { return };
+        let deadline = Instant::now() + PATIENCE;
+        while !thread.is_finished() && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 }

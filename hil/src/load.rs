@@ -81,6 +81,9 @@ fn vehicle_of(path: &Path, document: &Document) -> Result<Vehicle, InputError> {
 /// A scenario with its vehicle and schedule; `commands` replaces the schedule that the file names.
 pub fn scenario(path: &Path, overrides: &Overrides, commands: Option<&Path>) -> Result<Scenario, InputError> {
     let mut flight = document(path)?;
+    if kind(&flight) == Ok(Kind::Vehicle) {
+        return Err(unusable(path, "this is a vehicle file; a scenario names one: vehicle = \"FILE\""));
+    }
     let mut vehicle_overrides = Vec::new();
     for (key, value) in pairs(overrides)? {
         match key.strip_prefix("vehicle.") {

@@ -30,16 +30,14 @@ const TO_TRY: &str = "Three commands to try:
   hopbench fly scenarios/hop_50m.toml                 the same hop in memory, as fast as possible
   hopbench engine scenarios/vehicles/reference.toml --thrust-n 650   one steady point of the engine
 
-`hopbench --help` lists everything.";
+`hopbench --help` lists everything.
+";
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let common = &cli.common;
     let result = match &cli.command {
-        None => {
-            println!("{TO_TRY}");
-            return ExitCode::SUCCESS;
-        }
+        None => command::print_text(TO_TRY).map(|()| ExitCode::SUCCESS),
         Some(Command::Hil(args)) => command::hil::run(args, common),
         Some(Command::Fly(args)) => command::fly::run(args, common),
         Some(Command::Autopilot(args)) => command::autopilot::run(args, common),

@@ -30,13 +30,22 @@ pub struct RealTime {
     origin_us: u64,
     step_us: u64,
     lateness: Distribution,
+    /// The same since it was last asked for.
+    recent: Distribution,
     overruns: u64,
 }
 
 impl RealTime {
     /// Ties the present to `time_us` of simulated time. Later than `step_us` counts as an overrun.
     pub fn from_now(time_us: u64, step_us: u64) -> Self {
-        Self { origin_ns: now_ns(), origin_us: time_us, step_us, lateness: Distribution::new(), overruns: 0 }
+        Self {
+            origin_ns: now_ns(),
+            origin_us: time_us,
+            step_us,
+            lateness: Distribution::new(),
+            recent: Distribution::new(),
+            overruns: 0,
+        }
     }
 
     /// Ties the present to `time_us` again: what was lost is not caught up.
@@ -62,6 +71,7 @@ impl RealTime {
         }
         let late_ns = now_ns().saturating_sub(deadline_ns);
         self.lateness.record_ns(late_ns);
+        self.recent.record_ns(late_ns);
         if late_ns > self.step_us * 1000 {
             self.overruns += 1;
         }
@@ -70,6 +80,13 @@ impl RealTime {
     /// Steps that began more than a step late.
     pub fn overruns(&self) -> u64 {
         self.overruns
+    }
+
+    /// Lateness that 99 % of the steps since the last call stayed below [us].
+    pub fn recent_lateness_us(&mut self) -> f64 {
+        let late_us = self.recent.quantile_us(0.99);
+        self.recent.clear();
+        late_us
     }
 
     /// How late steps began.
@@ -93,6 +110,11 @@ impl Distribution {
     /// Takes one duration [ns].
     pub fn record_ns(&mut self, ns: u64) {
         self.0.saturating_record(ns);
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.0.reset();
     }
 
     /// Whether it holds nothing.

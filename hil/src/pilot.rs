@@ -30,6 +30,8 @@ pub struct Pilot {
     gatherer: Gatherer,
     decoder: Decoder,
     encoder: Encoder,
+    /// Frames that the link took.
+    sent: u64,
     armed: bool,
     last: Option<SimTime>,
     next_heartbeat: Instant,
@@ -47,6 +49,7 @@ impl Pilot {
             gatherer: Gatherer::default(),
             decoder: Decoder::default(),
             encoder: Encoder::new(1, 1),
+            sent: 0,
             armed: false,
             last: None,
             next_heartbeat: Instant::now(),
@@ -69,7 +72,7 @@ impl Pilot {
                 if let Some(measurement) = self.gatherer.take(&message) {
                     fed = Instant::now();
                     self.answer(&measurement);
-                    link.send(&self.out);
+                    self.sent += u64::from(link.send(&self.out));
                     tell(self.belief());
                 }
             }
@@ -78,6 +81,11 @@ impl Pilot {
                 return;
             }
         }
+    }
+
+    /// Frames heard and sent so far.
+    pub fn frames(&self) -> (u64, u64) {
+        (self.decoder.counters().frames, self.sent)
     }
 
     /// Whether a plant has been heard.
@@ -114,13 +122,14 @@ impl Pilot {
         self.out.clear();
         let mode = MODE_CUSTOM | MODE_HIL | if self.armed { MODE_ARMED } else { 0 };
         self.encoder.encode(&heartbeat(mode), &mut self.out);
-        link.send(&self.out);
+        self.sent += u64::from(link.send(&self.out));
     }
 
     fn belief(&self) -> Belief {
         Belief {
             phase: self.autopilot.phase().name(),
             reference_ned_m: self.autopilot.reference().position_ned_m,
+            estimate_ned_m: self.autopilot.estimate().position_ned_m,
         }
     }
 }

@@ -2,6 +2,7 @@
 //! asked for. Facts behind the PX4 profiles were observed on version 1.16.1.
 
 use hopbench::controls::ThrottleKind;
+use hopbench::sensor::SensorParameters;
 use hopbench::signal::Measurement;
 
 use crate::link::LinkSpec;
@@ -132,6 +133,54 @@ impl Profile {
     }
 }
 
+impl Profile {
+    /// Raises white noise below one step of PX4's sensor pipeline to that step, and names what it raised:
+    /// samples that repeat themselves bit by bit look like a dead sensor to its checks. One sample at rate f
+    /// has density times the root of f / 2, so a low rate makes even a good sensor repeat itself.
+    pub fn raise_noise(&self, sensors: &mut SensorParameters, imu_rate_hz: Option<f64>) -> Vec<String> {
+        if !self.clamps_inertial {
+            return Vec::new();
+        }
+        let imu_hz = imu_rate_hz.unwrap_or(sensors.imu.rate_hz);
+        let (magnetometer_hz, barometer_hz) = (sensors.magnetometer.rate_hz, sensors.barometer.rate_hz);
+        let quantities: [(&str, &mut f64, f64, f64); 4] = [
+            (
+                "imu.accelerometer.noise_density_m_s2_sqrt_hz",
+                &mut sensors.imu.accelerometer.noise_density_m_s2_sqrt_hz,
+                imu_hz,
+                9.80665 / 2048.0,
+            ),
+            (
+                "imu.gyroscope.noise_density_rad_s_sqrt_hz",
+                &mut sensors.imu.gyroscope.noise_density_rad_s_sqrt_hz,
+                imu_hz,
+                (2000.0 / 32768.0) * std::f64::consts::PI / 180.0,
+            ),
+            (
+                "magnetometer.noise_density_t_sqrt_hz",
+                &mut sensors.magnetometer.noise_density_t_sqrt_hz,
+                magnetometer_hz,
+                1e-7,
+            ),
+            (
+                "barometer.noise_density_pa_sqrt_hz",
+                &mut sensors.barometer.noise_density_pa_sqrt_hz,
+                barometer_hz,
+                1.0,
+            ),
+        ];
+        let mut raised = Vec::new();
+        for (key, density, rate_hz, step) in quantities {
+            let least = step / (0.5 * rate_hz).sqrt();
+            if *density < least {
+                *density = least;
+                raised.push(format!("vehicle.sensors.{key} = {least:.3e}"));
+            }
+        }
+        raised
+    }
+}
+
 /// How often the sensors of a vehicle speak [Hz].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorRates {
@@ -222,6 +271,25 @@ mod tests {
         ] {
             assert_eq!(default_for(&link.parse().unwrap()).name, name, "{link}");
         }
+    }
+
+    #[test]
+    fn noise_is_raised_to_a_step_of_the_fifo_only_where_it_is_below() {
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/vehicles/reference.toml");
+        let sensors = crate::load::vehicle(&file, &[]).unwrap().sensors;
+        // The reference vehicle at its own rate is noisy enough, and other controllers have no such steps.
+        for (profile, rate_hz) in [(&PX4_SITL, None), (&PX4_HITL, Some(250.0)), (&GENERIC, Some(50.0))] {
+            let mut asked = sensors.clone();
+            assert_eq!(profile.raise_noise(&mut asked, rate_hz), [""; 0]);
+            assert_eq!(asked.imu.gyroscope, sensors.imu.gyroscope);
+        }
+        // 1.4e-4 rad/s/√Hz at 100 Hz are 0.99e-3 rad/s, below 1.065e-3; the accelerometer's 10.6e-3 m/s² are not.
+        let mut slow = sensors.clone();
+        let raised = PX4_HITL.raise_noise(&mut slow, Some(100.0));
+        assert!(raised.len() == 1 && raised[0].contains("gyroscope"), "{raised:?}");
+        let sigma = slow.imu.gyroscope.noise_density_rad_s_sqrt_hz * 50f64.sqrt();
+        assert!((sigma - 1.0653e-3).abs() < 1e-6, "{sigma}");
     }
 
     #[test]

@@ -114,9 +114,15 @@ pub fn summary(report: &Report) -> String {
     if let Some(link) = &report.link {
         let load = link.wire_load_percent.map_or(String::new(), |load| format!(", wire {load:.0} % loaded"));
         line(format!(
-            "link           {} frames sent, {} received, {} CRC errors, {} lost, {} stalls{load}",
-            link.sent, link.received, link.crc_errors, link.lost, link.stalls
+            "link           {} frames sent, {} dropped, {} received, {} CRC errors, {} lost, {} stalls{load}",
+            link.sent, link.dropped, link.received, link.crc_errors, link.lost, link.stalls
         ));
+        if link.skipped_bytes + link.refused > 0 {
+            line(format!(
+                "               {} bytes in no frame, {} times somebody else refused",
+                link.skipped_bytes, link.refused
+            ));
+        }
     }
     for item in &report.expect.items {
         let mark = if item.passed { "ok    " } else { "FAILED" };

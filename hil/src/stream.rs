@@ -59,7 +59,8 @@ impl Timer {
         }
         let next_us = due_us.saturating_add(self.interval_us);
         // After a gap there is no catching up.
-        self.due_us = Some(if next_us > now.us() { next_us } else { now.us() + self.interval_us });
+        self.due_us =
+            Some(if next_us > now.us() { next_us } else { now.us().saturating_add(self.interval_us) });
         true
     }
 }
@@ -164,7 +165,7 @@ impl Streams {
                 0 => TRUTH_DEFAULT_US,
                 asked => asked.max(TRUTH_LEAST_US),
             };
-            Some(Timer { interval_us, due_us: Some(now.us() + interval_us) })
+            Some(Timer { interval_us, due_us: Some(now.us().saturating_add(interval_us)) })
         };
         RESULT_ACCEPTED
     }

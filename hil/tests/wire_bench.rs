@@ -292,4 +292,83 @@ fn a_loss_may_be_an_engine_cut() {
     assert!(report.events.iter().any(|e| e.name == "fc_lost"));
     assert!(!report.events.iter().any(|e| e.name == "handover"));
     assert_ne!(report.outcome, Outcome::Landed);
+    // Nobody else flew, and yet the controller did not fly to the end.
+    let flown_by = report.expect.items.iter().find(|item| item.name == "flown_by").unwrap();
+    assert!(!flown_by.passed, "{flown_by:?}");
+}
+
+#[test]
+fn a_controller_that_repeats_an_old_answer_is_lost() {
+    let scenario = scenario(&["fc_timeout_ms=300"]);
+    let report = run(&scenario, lockstep(&GENERIC), |fc| {
+        fc.idle_until(400_000);
+        let time_us = fc.sensor();
+        fc.controls(time_us, true, [0.0; 4]);
+        let deadline = Instant::now() + Duration::from_secs(3);
+        // After the loss time runs freely; until then a sample comes every 50 ms.
+        let mut samples = 0;
+        while samples < 100 && Instant::now() < deadline {
+            samples += u32::from(fc.sensor_within(Duration::from_millis(10)).is_some());
+            fc.controls(time_us, true, [0.0; 4]);
+        }
+        Then::Stop
+    });
+    assert!(report.events.iter().any(|e| e.name == "fc_lost"), "{:#?}", report.events);
+}
+
+#[test]
+fn one_long_wait_outlasts_neither_the_timeout_nor_the_user() {
+    let options = Options { lockstep_timeout: Duration::from_secs(60), ..lockstep(&GENERIC) };
+    let report = run(&scenario(&["fc_timeout_ms=200"]), options.clone(), |fc| {
+        fc.idle_until(400_000);
+        let time_us = fc.sensor();
+        fc.controls(time_us, true, [0.0; 4]);
+        fc.sensor();
+        let start = Instant::now();
+        fc.sensor();
+        assert!(start.elapsed() < Duration::from_secs(2));
+        Then::Stop
+    });
+    assert!(report.events.iter().any(|e| e.name == "fc_lost"), "{:#?}", report.events);
+    let start = Instant::now();
+    run(&scenario(&[]), options, |fc| {
+        fc.idle_until(400_000);
+        fc.sensor();
+        std::thread::sleep(Duration::from_millis(50));
+        Then::Stop
+    });
+    assert!(start.elapsed() < Duration::from_secs(10));
+}
+
+#[test]
+fn a_heartbeat_of_another_component_is_not_the_controllers() {
+    let options = Options { pacing: Pacing::RealTime, fast: false, ..lockstep(&PX4_HITL) };
+    run(&scenario(&[]), options, |fc| {
+        let mut bytes = Vec::new();
+        // A camera says that it is in the loop; so does a component that is no autopilot at all.
+        Encoder::new(1, 100).encode(&heartbeat(0xA1), &mut bytes);
+        let MavMessage::HEARTBEAT(mut no_autopilot) = heartbeat(0xA1) else { panic!() };
+        no_autopilot.autopilot = ::mavlink::dialects::common::MavAutopilot::MAV_AUTOPILOT_INVALID;
+        fc.encoder.encode(&MavMessage::HEARTBEAT(no_autopilot), &mut bytes);
+        fc.link.send(&bytes);
+        assert_eq!(fc.sensor_within(Duration::from_millis(300)), None);
+        fc.send(&heartbeat(0xA1));
+        assert!(fc.sensor() > 0);
+        Then::Stop
+    });
+}
+
+#[test]
+fn controls_before_the_hil_flag_are_not_obeyed() {
+    let options = Options { pacing: Pacing::RealTime, fast: false, ..lockstep(&PX4_HITL) };
+    let report = run(&scenario(&[]), options, |fc| {
+        for _ in 0..20 {
+            fc.controls(0, true, [0.5, 0.0, 0.0, 0.0]);
+            assert_eq!(fc.sensor_within(Duration::from_millis(10)), None);
+        }
+        fc.send(&heartbeat(0xA1));
+        assert!(fc.sensor() > 0);
+        Then::Stop
+    });
+    assert!(!report.events.iter().any(|e| e.name == "fc_first" || e.name == "armed"), "{:#?}", report.events);
 }

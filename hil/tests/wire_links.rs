@@ -243,22 +243,56 @@ impl Chance {
     }
 }
 
-/// One piece of about a frame: random, truncated or mutated; never a whole good frame.
+/// Head of a long frame whose message nobody knows; repeated, each is the body of the one before.
+const NESTED: [u8; 10] = [0xFD, 0xF8, 0, 0, 0, 1, 1, 0xEF, 0xCD, 0xAB];
+
+/// One piece of about a frame: random, truncated, nested heads or mutated; never a whole good frame.
 fn noise(chance: &mut Chance, encoder: &mut Encoder) -> Vec<u8> {
     let mut frame = Vec::new();
     encoder.encode(&actuator_controls(&controls(chance.next())), &mut frame);
-    match chance.next() % 3 {
+    match chance.next() % 4 {
         0 => (0..1 + chance.next() % 200).map(|_| chance.next() as u8).collect(),
         1 => {
             frame.truncate(1 + chance.next() as usize % (frame.len() - 1));
             frame
         }
+        2 => NESTED.repeat(26),
         _ => {
             let place = chance.next() as usize % frame.len();
             frame[place] ^= 1 << (chance.next() % 8);
             frame
         }
     }
+}
+
+#[test]
+fn nested_heads_of_unknown_messages_cost_no_time() {
+    let mut decoder = Decoder::default();
+    let start = Instant::now();
+    for _ in 0..100 {
+        decoder.push(&NESTED.repeat(1000));
+        while decoder.next_frame().is_some() {}
+    }
+    // A million bytes are a hundred thousand candidates of 258 bytes each: 26 million steps of the checksum,
+    // a fraction of a second. One checksum for each of the 256 seeds would take ten seconds and more.
+    assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_flood_of_strangers_is_counted_and_named_once() {
+    let (mut near, mut far) = ends("udp");
+    introduce(&mut near, &mut far);
+    let address = near.address().trim_start_matches("udp-listen:").to_owned();
+    let intruder = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let start = Instant::now();
+    let mut named = 0;
+    for _ in 0..100 {
+        intruder.send_to(b"me too", &address).unwrap();
+        near.receive(&mut Vec::new());
+        named += near.take_notices().len();
+    }
+    assert_eq!(near.counters().refused, 100);
+    assert!(named >= 1 && named <= 1 + start.elapsed().as_secs() as usize, "{named}");
 }
 
 #[test]

@@ -193,14 +193,20 @@ pub struct TailPercentiles {
 /// The link's counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LinkReport {
-    /// Frames sent.
+    /// Frames that the system took.
     pub sent: u64,
+    /// Frames thrown away, since nobody was there or the line was too slow.
+    pub dropped: u64,
     /// Frames received whole.
     pub received: u64,
     /// Frames with a wrong checksum.
     pub crc_errors: u64,
     /// Frames missing by their sequence numbers.
     pub lost: u64,
+    /// Bytes received that belonged to no frame.
+    pub skipped_bytes: u64,
+    /// Datagrams or connections of somebody else, turned away.
+    pub refused: u64,
     /// Waits for a reply that ran into their limit.
     pub stalls: u64,
     /// Share of the wire used outward; null where the wire has no rate [%].
@@ -298,12 +304,16 @@ impl Report {
             );
         }
         if fc_must_fly {
+            // Who is cut off after a loss has not flown to the end either, though nobody else took over.
+            let lost = self.events.iter().any(|event| event.name == "fc_lost");
             let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
+            let mut who: Vec<_> = self.flown_by.iter().map(|f| serde_json::json!(f.source)).collect();
+            who.extend(lost.then(|| "fc_lost".into()));
             items.push(Item {
                 name: "flown_by".to_owned(),
-                value: serde_json::json!(self.flown_by.iter().map(|f| f.source).collect::<Vec<_>>()),
+                value: who.into(),
                 limit: serde_json::json!([Source::Fc]),
-                passed: alone,
+                passed: alone && !lost,
             });
         }
         self.expect = Verdict { passed: items.iter().all(|item| item.passed), items };

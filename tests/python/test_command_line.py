@@ -29,7 +29,7 @@ def test_report_has_the_agreed_keys():
     agreed = "scenario seed outcome flown_by expect touchdown max_altitude_m hover propellant mass timing link events state_hash run"
     assert set(report) == set(agreed.split())
     assert report["seed"] == 42 and report["touchdown"] is None
-    assert set(report["link"]) == set("sent received crc_errors lost stalls wire_load_percent".split())
+    assert set(report["link"]) == set("sent dropped received crc_errors lost skipped_bytes refused stalls wire_load_percent".split())
     timing = "simulated_s wall_s realtime_factor steps overruns step_us lateness_us round_trip_us"
     assert set(report["timing"]) == set(timing.split())
     assert all(set(item) == {"name", "value", "limit", "passed"} for item in report["expect"]["items"])

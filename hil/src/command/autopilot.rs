@@ -1,8 +1,10 @@
 //! `hopbench autopilot`: the built-in autopilot as a MAVLink flight controller of its own.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use hopbench::autopilot::Autopilot;
@@ -11,8 +13,9 @@ use hopbench::controls::ThrottleKind;
 use hopbench::environment::Environment;
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Instrumentation, outfit};
+use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, hil};
+use super::{Common, DEVICE_FAILED, DONE, hil, print_json};
 use crate::bench::scale;
 use crate::link::{Link, LinkSpec};
 use crate::load;
@@ -43,16 +46,38 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let stop = hil::stop_on_signal()?;
     eprintln!("flying {} for the plant on {}", scenario.name, link.address());
     let mut phase = "";
+    let heard = Cell::new(false);
+    let due = Cell::new(Instant::now() + Duration::from_secs(1));
+    let address = link.address().to_owned();
     pilot.serve(
         &mut link,
-        || stop.load(Ordering::Relaxed),
+        || {
+            let now = Instant::now();
+            if !heard.get() && now >= due.get() {
+                due.set(now + Duration::from_secs(1));
+                eprintln!("waiting for plant on {address}");
+            }
+            stop.load(Ordering::Relaxed)
+        },
         |belief| {
+            heard.set(true);
             if belief.phase != phase {
                 phase = belief.phase;
                 eprintln!("{phase}");
             }
         },
     );
+    if common.json {
+        let (received, sent) = pilot.frames();
+        print_json(&json!({
+            "plant": link.address(),
+            "scenario": scenario.name,
+            "heard": pilot.has_flown(),
+            "phase": (!phase.is_empty()).then_some(phase),
+            "received": received,
+            "sent": sent,
+        }))?;
+    }
     if !pilot.has_flown() {
         eprintln!("no HIL_SENSOR came from {}", link.address());
         return Ok(ExitCode::from(DEVICE_FAILED));

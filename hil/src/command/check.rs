@@ -10,7 +10,7 @@ use hopbench::scenario::ScenarioFile;
 use hopbench::vehicle::VehicleFile;
 use serde_json::json;
 
-use super::{Common, DONE, UNEXPECTED, print_json};
+use super::{Common, DONE, UNEXPECTED, print_json, print_text};
 use crate::load::{self, Kind};
 
 /// Validate any scenario or vehicle file
@@ -58,7 +58,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         if common.json {
             print_json(&json!({ "key": key, "text": text }))?;
         } else {
-            println!("{text}");
+            print_text(&(text + "\n"))?;
         }
         return Ok(ExitCode::from(DONE));
     }
@@ -67,19 +67,22 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         Kind::Scenario => load::scenario(&args.file, &common.set, None)?.vehicle,
     };
     if args.signs {
-        let table = signs::table(&vehicle)?;
+        let table = signs::table(&vehicle).map_err(|fault| load::contradiction(&args.file, fault))?;
         let agrees = table.iter().all(|row| row.agrees);
         if common.json {
             print_json(&json!({ "vehicle": vehicle.name, "agrees": agrees, "signs": table }))?;
         } else {
-            println!("Signs of {}, computed by deflecting one command at a time in hover:\n", vehicle.name);
-            println!(
-                "{:<14} {:<36} {:>12} {:>12} {:>12}   agrees",
+            let mut text = format!(
+                "Signs of {}, computed by deflecting one command at a time in hover:\n\n",
+                vehicle.name
+            );
+            text += &format!(
+                "{:<14} {:<36} {:>12} {:>12} {:>12}   agrees\n",
                 "command", "convention", "about x", "about y", "about z"
             );
             for row in &table {
-                println!(
-                    "{:<14} {:<36} {:>12.4} {:>12.4} {:>12.4}   {}",
+                text += &format!(
+                    "{:<14} {:<36} {:>12.4} {:>12.4} {:>12.4}   {}\n",
                     row.command,
                     row.convention,
                     row.angular_acceleration_rad_s2[0],
@@ -88,7 +91,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
                     if row.agrees { "yes" } else { "NO" }
                 );
             }
-            println!("\nAngular acceleration in rad/s², body FRD: x leg 1, z down toward the nozzle.");
+            text += "\nAngular acceleration in rad/s², body FRD: x leg 1, z down toward the nozzle.\n";
+            print_text(&text)?;
         }
         return Ok(ExitCode::from(if agrees { DONE } else { UNEXPECTED }));
     }
@@ -96,7 +100,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if common.json {
         print_json(&json!({ "file": args.file, "kind": what, "valid": true }))?;
     } else {
-        println!("{}: a good {what} file", args.file.display());
+        print_text(&format!("{}: a good {what} file\n", args.file.display()))?;
     }
     Ok(ExitCode::from(DONE))
 }

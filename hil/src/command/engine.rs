@@ -11,7 +11,7 @@ use hopbench::vehicle::Vehicle;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Common, DONE, print_json};
+use super::{Common, DONE, print_json, print_text};
 use crate::load;
 
 /// Steady points of the lit engine
@@ -150,12 +150,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         }
         return Ok(ExitCode::from(DONE));
     }
-    println!(
-        "{}: port radius {:.2} mm, throat radius {:.2} mm, tank {:.1} K, {:.1} bar",
+    let mut text = format!(
+        "{}: port radius {:.2} mm, throat radius {:.2} mm, tank {:.1} K, {:.1} bar\n",
         vehicle.name, port_mm, throat_mm, tank_k, tank_bar
     );
-    println!(
-        "{:>9} {:>10} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>9} {:>7}",
+    text += &format!(
+        "{:>9} {:>10} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>9} {:>7}\n",
         "valve deg",
         "area mm2",
         "N2O kg/s",
@@ -168,8 +168,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         "Isp s"
     );
     for p in &points {
-        println!(
-            "{:>9.3} {:>10.4} {:>9.5} {:>9.5} {:>7.3} {:>8.3} {:>8.3} {:>8.4} {:>9.2} {:>7.2}{}",
+        text += &format!(
+            "{:>9.3} {:>10.4} {:>9.5} {:>9.5} {:>7.3} {:>8.3} {:>8.3} {:>8.4} {:>9.2} {:>7.2}{}\n",
             p.valve_deg,
             p.valve_area_m2 * 1e6,
             p.oxidizer_kg_s,
@@ -183,5 +183,6 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             if p.saturated { "  saturated" } else { "" }
         );
     }
+    print_text(&text)?;
     Ok(ExitCode::from(DONE))
 }

@@ -13,7 +13,7 @@ use hopbench::plant::Snapshot;
 use hopbench::simulation;
 use hopbench::simulation::report::Percentiles;
 
-use super::{Common, DONE, UNEXPECTED, print_json};
+use super::{Common, DONE, UNEXPECTED, print_json, print_text};
 use crate::load;
 use crate::report::{RunFolder, summary};
 
@@ -81,7 +81,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if common.json {
         print_json(&report)?;
     } else {
-        print!("{}", summary(&report));
+        print_text(&summary(&report))?;
     }
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
 }

@@ -11,7 +11,7 @@ use hopbench::input::{Fault, InputError};
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
-use super::{Common, DONE, UNEXPECTED, autopilot, print_json};
+use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text};
 use crate::bench::{Belief, Bench, Options};
 use crate::link::{Link, LinkSpec};
 use crate::live::Live;
@@ -52,7 +52,11 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
-    let scenario = load::scenario(&args.scenario, &common.set, None)?;
+    if let Some(path) = &args.ready_file {
+        // The file of an earlier run would name a port where nobody listens.
+        remove_ready_file(path)?;
+    }
+    let mut scenario = load::scenario(&args.scenario, &common.set, None)?;
     if scenario.schedule.is_some() {
         return Err(
             load::unusable(&args.scenario, "a command schedule flies by itself: use `hopbench fly`").into()
@@ -67,19 +71,27 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         Instrumentation { imu_rate_hz: args.sensor_hz.map(f64::from), gnss_delay_s: profile.gnss_delay_s };
     let live = Live::stderr();
     let baud = check_budget(args, profile, &scenario, &live)?;
+    let raised = profile.raise_noise(&mut scenario.vehicle.sensors, instruments.imu_rate_hz);
+    if !raised.is_empty() {
+        live.notice(format!(
+            "noise raised to one step of what {} stores, lest its checks take samples for stuck: {}",
+            profile.name,
+            raised.join(", ")
+        ));
+    }
     let seed = common.seed.unwrap_or(scenario.file.seed);
     let mut flight = Flight::with(&scenario, seed, &instruments)
         .map_err(|fault| load::contradiction(&args.scenario, fault))?;
 
-    let folder = match &common.out {
-        Some(path) => RunFolder::create(path)?,
-        None => RunFolder::for_run_of(&scenario.name)?,
-    };
     let spec = match &args.fc {
         Some(spec) => spec.clone(),
         None => "udp-listen:127.0.0.1:0".parse()?,
     };
     let mut link = Link::open(&spec)?;
+    let folder = match &common.out {
+        Some(path) => RunFolder::create(path)?,
+        None => RunFolder::for_run_of(&scenario.name)?,
+    };
     let stop = stop_on_signal()?;
     let built_in = match &args.fc {
         Some(_) => None,
@@ -114,7 +126,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if common.json {
         print_json(&report)?;
     } else {
-        print!("{}", summary(&report));
+        print_text(&summary(&report))?;
     }
     kept?;
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
@@ -240,6 +252,15 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
         });
     })?;
     Ok(stop)
+}
+
+fn remove_ready_file(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(e).with_context(|| format!("cannot replace {}", path.display()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Whoever waits for the file never sees half of it.

@@ -40,11 +40,16 @@ pub fn exit_code(error: &anyhow::Error) -> ExitCode {
     ExitCode::from(if error.is::<hopbench::input::InputError>() { BAD_INPUT } else { DEVICE_FAILED })
 }
 
-/// Writes one JSON object to stdout. A reader that has gone away is no reason to fail.
+/// Writes one JSON object to stdout.
 pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    print_text(&(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// Writes to stdout, line ends included. A reader that has gone away is no reason to fail.
+pub fn print_text(text: &str) -> anyhow::Result<()> {
     use std::io::Write;
-    let text = serde_json::to_string_pretty(value)?;
-    match writeln!(std::io::stdout(), "{text}") {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
         _ => Ok(()),
     }
