@@ -509,15 +509,16 @@ impl Plant {
                 (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
             }
             Throttle::ValveRad(valve_rad) => {
-                let least_rad = if hold {
-                    engine.inverse(feed, least_n, &condition, self.held.guess).valve_rad
-                } else {
-                    0.0
-                };
-                let valve_rad = valve_rad.max(least_rad).min(self.vehicle.valve_servo.upper_rad);
+                let valve_rad = valve_rad.min(self.vehicle.valve_servo.upper_rad);
                 let area_m2 = engine.valve_area().area_m2(valve_rad);
                 let point = engine.operating_point(feed, area_m2, &condition, self.held.guess);
-                (valve_rad, point.thrust_n, false)
+                // Thrust rises with the angle, so the minimum is solved for only where it is undercut.
+                if point.thrust_n < least_n {
+                    let held = engine.inverse(feed, least_n, &condition, self.held.guess);
+                    (held.valve_rad, least_n, held.saturated)
+                } else {
+                    (valve_rad, point.thrust_n, false)
+                }
             }
         };
         if saturated && thrust_n > 0.0 {
