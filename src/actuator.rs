@@ -17,7 +17,7 @@
 use crate::time::SimTime;
 use std::collections::VecDeque;
 
-/// Fastest approach to a limit [1/s].
+/// Fastest approach to a limit (1/s).
 const FASTEST_BARRIER_1_S: f64 = 1000.0;
 /// Approach to a limit over natural frequency.
 const BARRIER_OVER_FREQUENCY: f64 = 10.0;
@@ -26,22 +26,22 @@ const BARRIER_OVER_FREQUENCY: f64 = 10.0;
 #[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gimbal {
-    /// Travel to each side of centre, per axis [rad].
+    /// Travel to each side of centre, per axis (rad).
     #[schemars(range(min = 0.001, max = 0.6))]
     pub limit_rad: f64,
-    /// Greatest rate [rad/s].
+    /// Greatest rate (rad/s).
     #[schemars(range(min = 0.01, max = 100.0))]
     pub rate_limit_rad_s: f64,
-    /// Natural frequency of the position loop [rad/s].
+    /// Natural frequency of the position loop (rad/s).
     #[schemars(range(min = 1.0, max = 500.0))]
     pub natural_frequency_rad_s: f64,
     /// Damping ratio of the position loop.
     #[schemars(range(min = 0.05, max = 2.0))]
     pub damping_ratio: f64,
-    /// Time from a command to motion [s].
+    /// Time from a command to motion (s).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub delay_s: f64,
-    /// Play between servo and engine, stop to stop [rad].
+    /// Play between servo and engine, stop to stop (rad).
     #[schemars(range(min = 0.0, max = 0.2))]
     pub backlash_rad: f64,
     /// Whether the swinging engine reacts on the body.
@@ -65,46 +65,46 @@ impl Gimbal {
 /// A position servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Servo {
-    /// Natural frequency [rad/s].
+    /// Natural frequency (rad/s).
     pub natural_frequency_rad_s: f64,
     /// Damping ratio.
     pub damping_ratio: f64,
-    /// Greatest rate either way [rad/s].
+    /// Greatest rate either way (rad/s).
     pub rate_limit_rad_s: f64,
-    /// Lower stop [rad].
+    /// Lower stop (rad).
     pub lower_rad: f64,
-    /// Upper stop [rad].
+    /// Upper stop (rad).
     pub upper_rad: f64,
-    /// Play behind the servo, stop to stop [rad].
+    /// Play behind the servo, stop to stop (rad).
     pub backlash_rad: f64,
 }
 
 /// Where a servo is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ServoState {
-    /// Angle [rad].
+    /// Angle (rad).
     pub angle_rad: f64,
-    /// Rate [rad/s].
+    /// Rate (rad/s).
     pub rate_rad_s: f64,
 }
 
 /// Time derivative of [`ServoState`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ServoRate {
-    /// Rate [rad/s].
+    /// Rate (rad/s).
     pub rate_rad_s: f64,
-    /// Acceleration [rad/s²].
+    /// Acceleration (rad/s²).
     pub acceleration_rad_s2: f64,
 }
 
 /// What the servo moves, behind the play.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ServoOutput {
-    /// Angle [rad].
+    /// Angle (rad).
     pub angle_rad: f64,
-    /// Rate [rad/s].
+    /// Rate (rad/s).
     pub rate_rad_s: f64,
-    /// Acceleration [rad/s²].
+    /// Acceleration (rad/s²).
     pub acceleration_rad_s2: f64,
 }
 
@@ -114,7 +114,7 @@ impl Servo {
         ServoState { angle_rad: angle_rad.max(self.lower_rad).min(self.upper_rad), rate_rad_s: 0.0 }
     }
 
-    /// Rate under a command [rad], already delayed; a command that is no number holds the angle.
+    /// Rate under a command (rad), already delayed; a command that is no number holds the angle.
     pub fn rate(&self, state: &ServoState, command_rad: f64) -> ServoRate {
         let (angle, rate) = (state.angle_rad, state.rate_rad_s);
         let command = if command_rad.is_nan() { angle } else { command_rad };
@@ -205,7 +205,7 @@ impl<T: Copy + PartialEq> DelayLine<T> {
 /// A valve that runs from end to end in a fixed time, its area linear in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeValve {
-    /// Time from shut to open [s]; 0 moves at once.
+    /// Time from shut to open (s); 0 moves at once.
     pub stroke_time_s: f64,
 }
 

@@ -101,11 +101,11 @@ pub struct Switch {
 /// What one unit of a normalised command is worth on this vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Thrust at throttle 1 [N].
+    /// Thrust at throttle 1 (N).
     pub thrust_rated_n: f64,
-    /// Valve angle at throttle 1 [rad].
+    /// Valve angle at throttle 1 (rad).
     pub valve_open_rad: f64,
-    /// Gimbal angle at 1 [rad].
+    /// Gimbal angle at 1 (rad).
     pub gimbal_limit_rad: f64,
 }
 

@@ -46,18 +46,18 @@ pub fn point_inertia(r: Vec3) -> Mat3 {
     Mat3::new(yy + zz, xy, xz, xy, xx + zz, yz, xz, yz, xx + yy)
 }
 
-/// Time derivative of a unit quaternion: q' = 1/2 q (0, ω), ω in body axes [rad/s].
+/// Time derivative of a unit quaternion: q' = 1/2 q (0, ω), ω in body axes (rad/s).
 pub fn quaternion_rate(q_ned_from_body: &Quaternion<f64>, rate_body_rad_s: Vec3) -> Quaternion<f64> {
     q_ned_from_body * Quaternion::from_parts(0.0, rate_body_rad_s) * 0.5
 }
 
-/// Angle between the body's long axis and the vertical [rad].
+/// Angle between the body's long axis and the vertical (rad).
 pub fn tilt_rad(q_ned_from_body: &UnitQuaternion<f64>) -> f64 {
     let down = q_ned_from_body * Vec3::z();
     libm::atan2(libm::hypot(down.x, down.y), down.z)
 }
 
-/// Angle about the long axis, from north toward east [rad], -π..π (ZYX Euler yaw).
+/// Angle about the long axis, from north toward east (rad), -π..π (ZYX Euler yaw).
 pub fn heading_rad(q_ned_from_body: &UnitQuaternion<f64>) -> f64 {
     let forward = q_ned_from_body * Vec3::x();
     libm::atan2(forward.y, forward.x)

@@ -105,7 +105,7 @@ pub fn sample_std(density_per_sqrt_hz: f64, rate_hz: f64) -> f64 {
 pub struct GaussMarkov {
     /// Stationary standard deviation.
     pub std: f64,
-    /// Time in which the correlation falls to 1/e [s], above 0.
+    /// Time in which the correlation falls to 1/e (s), above 0.
     pub time_constant_s: f64,
     /// The process now.
     pub value: f64,

@@ -9,9 +9,9 @@ use crate::time::SimTime;
 /// Throttle demand, in one of the two languages a flight computer may speak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Throttle {
-    /// Thrust [N]; the plant's engine controller finds the valve angle.
+    /// Thrust (N); the plant's engine controller finds the valve angle.
     ThrustN(f64),
-    /// Physical angle of the oxidiser valve [rad], 0 closed.
+    /// Physical angle of the oxidiser valve (rad), 0 closed.
     ValveRad(f64),
 }
 
@@ -22,9 +22,9 @@ pub struct ActuatorCommand {
     pub armed: bool,
     /// Throttle demand.
     pub throttle: Throttle,
-    /// Gimbal angle that gives a moment about FRD x [rad].
+    /// Gimbal angle that gives a moment about FRD x (rad).
     pub gimbal_x_rad: f64,
-    /// Gimbal angle that gives a moment about FRD y [rad].
+    /// Gimbal angle that gives a moment about FRD y (rad).
     pub gimbal_y_rad: f64,
     /// Roll demand about FRD z, -1..1 of the thruster pair.
     pub rcs_roll: f64,
@@ -77,7 +77,7 @@ pub struct Measurement {
     pub gnss: Option<GnssFix>,
     /// Static pressure.
     pub barometer: Option<BarometerSample>,
-    /// Magnetic field in body FRD [T].
+    /// Magnetic field in body FRD (T).
     pub magnetic_field_body_t: Option<Vec3>,
     /// Distance to the ground along the body's +z axis.
     pub altimeter: Option<AltimeterSample>,
@@ -90,30 +90,30 @@ pub struct Measurement {
 /// Mean specific force and mean rate over the sample interval, body FRD, at the unit's position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuSample {
-    /// Specific force [m/s²]; at rest upright z is -9.81.
+    /// Specific force (m/s²); at rest upright z is -9.81.
     pub specific_force_body_m_s2: Vec3,
-    /// Angular rate [rad/s].
+    /// Angular rate (rad/s).
     pub rate_body_rad_s: Vec3,
-    /// Length of the averaging interval [s].
+    /// Length of the averaging interval (s).
     pub interval_s: f64,
-    /// Temperature of the unit [K].
+    /// Temperature of the unit (K).
     pub temperature_k: f64,
 }
 
 /// One fix of satellite navigation, of the antenna, already late by the receiver's delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GnssFix {
-    /// Geodetic latitude [rad].
+    /// Geodetic latitude (rad).
     pub latitude_rad: f64,
-    /// Longitude [rad].
+    /// Longitude (rad).
     pub longitude_rad: f64,
-    /// Height above mean sea level [m].
+    /// Height above mean sea level (m).
     pub altitude_m: f64,
-    /// Velocity over ground [m/s].
+    /// Velocity over ground (m/s).
     pub velocity_ned_m_s: Vec3,
-    /// Accuracy that the receiver reports, horizontal [m].
+    /// Accuracy that the receiver reports, horizontal (m).
     pub horizontal_accuracy_m: f64,
-    /// Accuracy that the receiver reports, vertical [m].
+    /// Accuracy that the receiver reports, vertical (m).
     pub vertical_accuracy_m: f64,
     /// 3: three-dimensional fix; 6: RTK fixed.
     pub fix_type: u8,
@@ -124,47 +124,47 @@ pub struct GnssFix {
 /// Static pressure and the altitude that the standard atmosphere gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BarometerSample {
-    /// Absolute pressure [Pa].
+    /// Absolute pressure (Pa).
     pub pressure_pa: f64,
-    /// Pressure altitude in the standard atmosphere [m].
+    /// Pressure altitude in the standard atmosphere (m).
     pub pressure_altitude_m: f64,
-    /// Temperature of the sensor [K].
+    /// Temperature of the sensor (K).
     pub temperature_k: f64,
 }
 
 /// One reading of the downward altimeter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AltimeterSample {
-    /// Slant range along the beam [m]; `None` when nothing valid came back.
+    /// Slant range along the beam (m); `None` when nothing valid came back.
     pub range_m: Option<f64>,
-    /// Least range it can give [m].
+    /// Least range it can give (m).
     pub minimum_m: f64,
-    /// Greatest range it can give [m].
+    /// Greatest range it can give (m).
     pub maximum_m: f64,
 }
 
 /// Pressure transducers; `None` where there is no new sample or no such transducer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pressures {
-    /// Run-tank ullage [Pa].
+    /// Run-tank ullage (Pa).
     pub tank_pa: Option<f64>,
-    /// Nitrogen bottle [Pa].
+    /// Nitrogen bottle (Pa).
     pub bottle_pa: Option<f64>,
-    /// Injector inlet, P2 [Pa].
+    /// Injector inlet, P2 (Pa).
     pub injector_inlet_pa: Option<f64>,
-    /// Combustion chamber [Pa].
+    /// Combustion chamber (Pa).
     pub chamber_pa: Option<f64>,
 }
 
 /// Pose from outside tracking (motion capture, ultra-wide band), noisy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackingSample {
-    /// Pivot position in NED from the pad [m].
+    /// Pivot position in NED from the pad (m).
     pub position_ned_m: Vec3,
-    /// Velocity in NED [m/s].
+    /// Velocity in NED (m/s).
     pub velocity_ned_m_s: Vec3,
     /// Attitude, scalar first.
     pub q_ned_from_body: [f64; 4],
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     pub rate_body_rad_s: Vec3,
 }

@@ -69,13 +69,13 @@ pub struct Rating {
     /// What is known and what is not, in a sentence.
     #[serde(default)]
     pub fidelity_notes: String,
-    /// Thrust that full throttle asks for [N].
+    /// Thrust that full throttle asks for (N).
     #[schemars(range(min = 1.0, max = 100000.0))]
     pub thrust_rated_n: f64,
-    /// Lower end of the throttle band of the lit engine [N].
+    /// Lower end of the throttle band of the lit engine (N).
     #[schemars(range(min = 1.0, max = 100000.0))]
     pub thrust_command_min_n: f64,
-    /// Upper end of the throttle band [N].
+    /// Upper end of the throttle band (N).
     #[schemars(range(min = 1.0, max = 100000.0))]
     pub thrust_command_max_n: f64,
 }
@@ -186,9 +186,9 @@ pub struct Vehicle {
     pub engine: Engine,
     /// The numbers it was made of.
     pub engine_parameters: EngineParameters,
-    /// Delay from a command to the valve's motion [s].
+    /// Delay from a command to the valve's motion (s).
     pub valve_delay_s: f64,
-    /// Step of the valve's encoder [rad]; 0: none.
+    /// Step of the valve's encoder (rad); 0: none.
     pub valve_encoder_rad: f64,
     /// Run tank.
     pub tank: Tank,
@@ -222,7 +222,7 @@ pub struct Vehicle {
     pub sensors: SensorParameters,
     /// Masses.
     pub mass: MassModel,
-    /// Density of the liquid in the tank [kg/m³].
+    /// Density of the liquid in the tank (kg/m³).
     pub nitrous_density_kg_m3: f64,
 }
 
@@ -319,28 +319,28 @@ impl Vehicle {
         })
     }
 
-    /// Liquid that the run tank holds at the start [kg].
+    /// Liquid that the run tank holds at the start (kg).
     pub fn initial_nitrous_kg(&self) -> f64 {
         (1.0 - self.tank.ullage_fraction) * self.tank_capacity_kg()
     }
 
-    /// Liquid that would fill the run tank to the top [kg].
+    /// Liquid that would fill the run tank to the top (kg).
     pub fn tank_capacity_kg(&self) -> f64 {
         self.tank.volume_m3() * self.nitrous_density_kg_m3
     }
 
-    /// Nitrogen at the start, bottle and run tank, above so much liquid [kg].
+    /// Nitrogen at the start, bottle and run tank, above so much liquid (kg).
     pub fn initial_nitrogen_kg(&self, nitrous_kg: f64) -> f64 {
         let density = Nitrogen::tables().density_kg_m3(self.tank.pressure_pa, self.tank.temperature_k);
         self.pressurant.initial_bottle_kg() + density * self.ullage_m3(nitrous_kg)
     }
 
-    /// Volume above so much liquid in the run tank [m³].
+    /// Volume above so much liquid in the run tank (m³).
     pub fn ullage_m3(&self, nitrous_kg: f64) -> f64 {
         (self.tank.volume_m3() - nitrous_kg / self.nitrous_density_kg_m3).max(0.0)
     }
 
-    /// Moment of the pair of positive roll at full supply, about body z [N m].
+    /// Moment of the pair of positive roll at full supply, about body z (N m).
     pub fn roll_moment_n_m(&self) -> f64 {
         let rcs = &self.reaction_control;
         rcs.loads(&PairLevels { a: 0.0, b: 1.0 }, rcs.supply_minimum_pa).moment_body_n_m.z
@@ -353,7 +353,7 @@ impl Vehicle {
         self.pressurant.distribute(&self.pressurant_gas, &inventory)
     }
 
-    /// Flow through the vent [kg/s], `opened` 0 to 1.
+    /// Flow through the vent (kg/s), `opened` 0 to 1.
     pub fn vent_kg_s(&self, nitrogen: &NitrogenState, opened: f64, ambient_pa: f64) -> f64 {
         if opened <= 0.0 {
             return 0.0;
@@ -372,7 +372,7 @@ impl Vehicle {
         StrokeValve { stroke_time_s: self.vent.stroke_time_s }
     }
 
-    /// The nearest angle that the valve's encoder can resolve [rad].
+    /// The nearest angle that the valve's encoder can resolve (rad).
     pub fn encoded(&self, valve_rad: f64) -> f64 {
         if self.valve_encoder_rad > 0.0 {
             ((valve_rad / self.valve_encoder_rad).round() * self.valve_encoder_rad)

@@ -57,9 +57,9 @@ pub struct Options {
 pub struct Belief {
     /// Phase of the mission.
     pub phase: &'static str,
-    /// Where it wants it to be [m].
+    /// Where it wants it to be (m).
     pub reference_ned_m: hopbench::frame::Vec3,
-    /// Where it takes it to be [m].
+    /// Where it takes it to be (m).
     pub estimate_ned_m: hopbench::frame::Vec3,
 }
 

@@ -1,7 +1,7 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
 //! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`bench`] is the loop.
+//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
 
 // Files.
 pub mod load;

@@ -7,7 +7,7 @@ use hdrhistogram::Histogram;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-/// The monotonic clock [ns].
+/// The monotonic clock (ns).
 pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
@@ -53,12 +53,12 @@ impl RealTime {
         (self.origin_ns, self.origin_us) = (now_ns(), time_us);
     }
 
-    /// When `time_us` is due on the monotonic clock [ns].
+    /// When `time_us` is due on the monotonic clock (ns).
     pub fn deadline_ns(&self, time_us: u64) -> u64 {
         self.origin_ns + time_us.saturating_sub(self.origin_us) * 1000
     }
 
-    /// How far the wall clock is ahead of `time_us` [ns].
+    /// How far the wall clock is ahead of `time_us` (ns).
     pub fn behind_ns(&self, time_us: u64) -> u64 {
         now_ns().saturating_sub(self.deadline_ns(time_us))
     }
@@ -82,7 +82,7 @@ impl RealTime {
         self.overruns
     }
 
-    /// Lateness that 99 % of the steps since the last call stayed below [us].
+    /// Lateness that 99 % of the steps since the last call stayed below (us).
     pub fn recent_lateness_us(&mut self) -> f64 {
         let late_us = self.recent.quantile_us(0.99);
         self.recent.clear();
@@ -107,7 +107,7 @@ impl Distribution {
         Self(Histogram::new_with_max(LONGEST_NS, 3).expect("three digits, and a maximum above 2"))
     }
 
-    /// Takes one duration [ns].
+    /// Takes one duration (ns).
     pub fn record_ns(&mut self, ns: u64) {
         self.0.saturating_record(ns);
     }
@@ -122,12 +122,12 @@ impl Distribution {
         self.0.is_empty()
     }
 
-    /// Duration that the share `quantile` stays below [us].
+    /// Duration that the share `quantile` stays below (us).
     pub fn quantile_us(&self, quantile: f64) -> f64 {
         self.0.value_at_quantile(quantile) as f64 * 1e-3
     }
 
-    /// The longest [us].
+    /// The longest (us).
     pub fn max_us(&self) -> f64 {
         self.0.max() as f64 * 1e-3
     }

@@ -18,7 +18,7 @@ pub struct Profile {
     pub lockstep_possible: bool,
     /// What its throttle channel commands unless the vehicle file says so.
     pub throttle: ThrottleKind,
-    /// Delay of satellite navigation that it is set up for [s]; `None`: the vehicle file's.
+    /// Delay of satellite navigation that it is set up for (s); `None`: the vehicle file's.
     pub gnss_delay_s: Option<f64>,
     /// Heartbeats to it.
     pub heartbeat: Heartbeat,
@@ -28,11 +28,11 @@ pub struct Profile {
     pub truth_on_request: bool,
     /// Whether COMMAND_LONG is acknowledged and parameter requests answered.
     pub answers: bool,
-    /// ODOMETRY, the rig's tracking, at most at this rate [Hz].
+    /// ODOMETRY, the rig's tracking, at most at this rate (Hz).
     pub odometry_hz: Option<f64>,
-    /// NAMED_VALUE_FLOAT of each pressure, at most at this rate [Hz].
+    /// NAMED_VALUE_FLOAT of each pressure, at most at this rate (Hz).
     pub pressure_hz: Option<f64>,
-    /// SYSTEM_TIME [Hz].
+    /// SYSTEM_TIME (Hz).
     pub system_time_hz: Option<f64>,
     /// Whether inertial samples end in a 16-bit FIFO that overflows.
     pub clamps_inertial: bool,
@@ -181,7 +181,7 @@ impl Profile {
     }
 }
 
-/// How often the sensors of a vehicle speak [Hz].
+/// How often the sensors of a vehicle speak (Hz).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorRates {
     /// HIL_SENSOR.
@@ -197,19 +197,19 @@ pub struct SensorRates {
 pub enum Budget {
     /// Below 70 %.
     Fits {
-        /// Share [%].
+        /// Share (%).
         load_percent: f64,
     },
     /// 70 to 90 %: queues build up now and then.
     Tight {
-        /// Share [%].
+        /// Share (%).
         load_percent: f64,
     },
     /// Above 90 %: samples would arrive later and later.
     Refused {
-        /// Share [%].
+        /// Share (%).
         load_percent: f64,
-        /// Greatest usual rate of HIL_SENSOR that stays below 70 % [Hz], if there is one.
+        /// Greatest usual rate of HIL_SENSOR that stays below 70 % (Hz), if there is one.
         fitting_hz: Option<f64>,
     },
 }

@@ -19,9 +19,9 @@ use crate::profile::{Heartbeat, Profile};
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
 const SYSTEM_ID: u8 = 1;
 const COMPONENT_ID: u8 = 200;
-/// Interval of the true state when it is asked for without one [us].
+/// Interval of the true state when it is asked for without one (us).
 const TRUTH_DEFAULT_US: u64 = 20_000;
-/// Least interval of the true state: the plant's step [us].
+/// Least interval of the true state: the plant's step (us).
 const TRUTH_LEAST_US: u64 = 1_000;
 /// Names of three pressures; each is due on its own.
 const PRESSURES: usize = 3;

@@ -94,7 +94,7 @@ impl Fc {
         }
     }
 
-    /// Time of the next HIL_SENSOR [us].
+    /// Time of the next HIL_SENSOR (us).
     fn sensor_within(&mut self, patience: Duration) -> Option<u64> {
         let deadline = Instant::now() + patience;
         loop {

@@ -7,15 +7,15 @@
 use crate::frame::Vec3;
 use crate::signal::Measurement;
 
-/// Rate above which the vehicle is not at rest [rad/s].
+/// Rate above which the vehicle is not at rest (rad/s).
 const STILL_RATE_RAD_S: f64 = 0.05;
-/// Difference of specific force from gravity above which it is not at rest [m/s²].
+/// Difference of specific force from gravity above which it is not at rest (m/s²).
 const STILL_FORCE_M_S2: f64 = 0.8;
 
 /// Running averages.
 #[derive(Clone, Debug, Default)]
 pub struct Alignment {
-    /// Time averaged over [s].
+    /// Time averaged over (s).
     pub duration_s: f64,
     specific_force: Mean,
     rate: Mean,
@@ -29,19 +29,19 @@ pub struct Alignment {
 /// Results; absent where a sensor was silent.
 #[derive(Clone, Debug)]
 pub struct Aligned {
-    /// Mean specific force [m/s²].
+    /// Mean specific force (m/s²).
     pub specific_force_body_m_s2: Vec3,
-    /// Mean rate [rad/s].
+    /// Mean rate (rad/s).
     pub rate_body_rad_s: Vec3,
-    /// Mean magnetic field [T].
+    /// Mean magnetic field (T).
     pub field_body_t: Option<Vec3>,
-    /// Mean latitude [rad], longitude [rad], altitude [m].
+    /// Mean latitude (rad), longitude (rad), altitude (m).
     pub fix: Option<Vec3>,
     /// Fixes averaged.
     pub fixes: f64,
-    /// Mean pressure altitude [m].
+    /// Mean pressure altitude (m).
     pub pressure_altitude_m: Option<f64>,
-    /// Mean altimeter range [m].
+    /// Mean altimeter range (m).
     pub range_m: Option<f64>,
 }
 

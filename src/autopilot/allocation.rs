@@ -9,25 +9,25 @@ use crate::signal::Throttle;
 /// values between nodes are bilinear, outside the nearest edge holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThrustMap {
-    /// Thrust of the columns [N].
+    /// Thrust of the columns (N).
     pub thrust_n: Vec<f64>,
-    /// Port radius of the rows [m].
+    /// Port radius of the rows (m).
     pub port_radius_m: Vec<f64>,
-    /// Valve angle that gives the thrust [rad].
+    /// Valve angle that gives the thrust (rad).
     pub valve_rad: Vec<Vec<f64>>,
-    /// Oxidiser flow at that point [kg/s].
+    /// Oxidiser flow at that point (kg/s).
     pub oxidizer_kg_s: Vec<Vec<f64>>,
-    /// Fuel flow at that point [kg/s].
+    /// Fuel flow at that point (kg/s).
     pub fuel_kg_s: Vec<Vec<f64>>,
 }
 
 impl ThrustMap {
-    /// Valve angle for a thrust [rad].
+    /// Valve angle for a thrust (rad).
     pub fn valve_angle_rad(&self, thrust_n: f64, port_radius_m: f64) -> f64 {
         self.lookup(&self.valve_rad, thrust_n, port_radius_m)
     }
 
-    /// Oxidiser and fuel flow at a thrust [kg/s].
+    /// Oxidiser and fuel flow at a thrust (kg/s).
     pub fn flows_kg_s(&self, thrust_n: f64, port_radius_m: f64) -> (f64, f64) {
         (
             self.lookup(&self.oxidizer_kg_s, thrust_n, port_radius_m),
@@ -35,7 +35,7 @@ impl ThrustMap {
         )
     }
 
-    /// Thrust that a valve angle gives [N]: the inverse of [`Self::valve_angle_rad`], by bisection.
+    /// Thrust that a valve angle gives (N): the inverse of [`Self::valve_angle_rad`], by bisection.
     /// Outside the table the nearest edge holds, but a shut valve gives nothing.
     pub fn thrust_at_valve_n(&self, valve_rad: f64, port_radius_m: f64) -> f64 {
         let (Some(&least), Some(&most)) = (self.thrust_n.first(), self.thrust_n.last()) else { return 0.0 };
@@ -100,15 +100,15 @@ pub enum ThrottleOutput {
 /// Limits of what can be commanded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActuatorParameters {
-    /// Lower end of the throttle band [N].
+    /// Lower end of the throttle band (N).
     pub thrust_min_n: f64,
-    /// Upper end of the throttle band [N].
+    /// Upper end of the throttle band (N).
     pub thrust_max_n: f64,
-    /// Gimbal limit per axis [rad].
+    /// Gimbal limit per axis (rad).
     pub gimbal_limit_rad: f64,
-    /// Gimbal rate limit per axis [rad/s].
+    /// Gimbal rate limit per axis (rad/s).
     pub gimbal_rate_limit_rad_s: f64,
-    /// Moment of one roll thruster pair [N m].
+    /// Moment of one roll thruster pair (N m).
     pub rcs_torque_n_m: f64,
     /// Roll commands under this share of full are not sent.
     pub rcs_dead_band: f64,
@@ -130,9 +130,9 @@ pub struct Allocation {
 /// Outcome of one allocation.
 #[derive(Clone, Copy, Debug)]
 pub struct Allocated {
-    /// Gimbal command about FRD x [rad].
+    /// Gimbal command about FRD x (rad).
     pub gimbal_x_rad: f64,
-    /// Gimbal command about FRD y [rad].
+    /// Gimbal command about FRD y (rad).
     pub gimbal_y_rad: f64,
     /// Roll command, -1..1.
     pub rcs_roll: f64,
@@ -146,7 +146,7 @@ impl Allocation {
         Self { gimbal_x_rad, gimbal_y_rad }
     }
 
-    /// Torque about the COM [N m] into gimbal angles and roll command: `M = T l sin δ` with thrust T
+    /// Torque about the COM (N m) into gimbal angles and roll command: `M = T l sin δ` with thrust T
     /// along a line through the pivot, a lever arm l below the COM.
     pub fn step(
         &mut self,
@@ -175,7 +175,7 @@ impl Allocation {
 }
 
 impl ActuatorParameters {
-    /// Throttle command for a thrust [N], in the language chosen.
+    /// Throttle command for a thrust (N), in the language chosen.
     pub fn throttle(&self, map: &ThrustMap, thrust_n: f64, port_radius_m: f64) -> Throttle {
         match self.throttle_output {
             ThrottleOutput::Thrust => Throttle::ThrustN(thrust_n),

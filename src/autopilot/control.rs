@@ -12,28 +12,28 @@ use super::propellant::MassPoint;
 use crate::frame::{Vec3, heading_rad};
 use nalgebra::UnitQuaternion;
 
-/// Gains, as rates of the loops [1/s] so that they do not depend on mass or inertia.
+/// Gains, as rates of the loops (1/s) so that they do not depend on mass or inertia.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
-    /// Height error to climb speed [1/s].
+    /// Height error to climb speed (1/s).
     pub height_1_s: f64,
-    /// Climb speed error to acceleration [1/s].
+    /// Climb speed error to acceleration (1/s).
     pub climb_1_s: f64,
-    /// Horizontal position error to speed [1/s].
+    /// Horizontal position error to speed (1/s).
     pub position_1_s: f64,
-    /// Horizontal speed error to acceleration [1/s].
+    /// Horizontal speed error to acceleration (1/s).
     pub velocity_1_s: f64,
-    /// Integral of the horizontal speed error [1/s²].
+    /// Integral of the horizontal speed error (1/s²).
     pub velocity_integral_1_s2: f64,
-    /// Tilt error to body rate [1/s].
+    /// Tilt error to body rate (1/s).
     pub attitude_1_s: f64,
-    /// Body rate error to angular acceleration [1/s].
+    /// Body rate error to angular acceleration (1/s).
     pub rate_1_s: f64,
-    /// Integral of the tilt error, as a share of the proportional path per second [1/s].
+    /// Integral of the tilt error, as a share of the proportional path per second (1/s).
     pub attitude_integral_1_s: f64,
-    /// Heading error to roll rate [1/s].
+    /// Heading error to roll rate (1/s).
     pub heading_1_s: f64,
-    /// Roll rate error to angular acceleration [1/s].
+    /// Roll rate error to angular acceleration (1/s).
     pub roll_rate_1_s: f64,
 }
 
@@ -58,47 +58,47 @@ impl Default for Gains {
 /// Limits of the demand.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Greatest tilt commanded [rad].
+    /// Greatest tilt commanded (rad).
     pub tilt_rad: f64,
-    /// Least thrust [N].
+    /// Least thrust (N).
     pub thrust_min_n: f64,
-    /// Greatest thrust [N].
+    /// Greatest thrust (N).
     pub thrust_max_n: f64,
-    /// Gravity [m/s²].
+    /// Gravity (m/s²).
     pub gravity_m_s2: f64,
 }
 
 /// What the controller looks at: motion of the centre of mass, attitude, rate.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
-    /// Position of the centre of mass [m].
+    /// Position of the centre of mass (m).
     pub position_ned_m: Vec3,
-    /// Its velocity [m/s].
+    /// Its velocity (m/s).
     pub velocity_ned_m_s: Vec3,
     /// Attitude.
     pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate, bias removed [rad/s].
+    /// Body rate, bias removed (rad/s).
     pub rate_body_rad_s: Vec3,
 }
 
 /// What the controller asks for.
 #[derive(Clone, Copy, Debug)]
 pub struct Demand {
-    /// Thrust [N].
+    /// Thrust (N).
     pub thrust_n: f64,
-    /// Torque about the centre of mass [N m].
+    /// Torque about the centre of mass (N m).
     pub torque_body_n_m: Vec3,
 }
 
-/// Greatest climb or sink the height error may ask for beyond the reference [m/s].
+/// Greatest climb or sink the height error may ask for beyond the reference (m/s).
 const CLIMB_CORRECTION_M_S: f64 = 1.5;
-/// Greatest speed the position error may ask for beyond the reference [m/s].
+/// Greatest speed the position error may ask for beyond the reference (m/s).
 const LATERAL_CORRECTION_M_S: f64 = 1.5;
-/// Greatest acceleration the velocity integral may hold: 4 % of gravity, a 15 m/s wind [m/s²].
+/// Greatest acceleration the velocity integral may hold: 4 % of gravity, a 15 m/s wind (m/s²).
 const INTEGRAL_LIMIT_M_S2: f64 = 0.8;
-/// Greatest angle, as thrust misalignment, that the attitude integral may hold [rad].
+/// Greatest angle, as thrust misalignment, that the attitude integral may hold (rad).
 const TRIM_ANGLE_LIMIT_RAD: f64 = 0.05;
-/// Greatest body rate asked for across the long axis [rad/s].
+/// Greatest body rate asked for across the long axis (rad/s).
 const RATE_LIMIT_RAD_S: f64 = 0.5;
 
 /// Integrators of the cascade.

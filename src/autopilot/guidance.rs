@@ -12,13 +12,13 @@ use crate::frame::Vec3;
 /// Where the pivot should be now, and how it should move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
-    /// Position of the pivot [m].
+    /// Position of the pivot (m).
     pub position_ned_m: Vec3,
-    /// Velocity [m/s].
+    /// Velocity (m/s).
     pub velocity_ned_m_s: Vec3,
-    /// Acceleration to feed forward [m/s²].
+    /// Acceleration to feed forward (m/s²).
     pub acceleration_ned_m_s2: Vec3,
-    /// Heading to hold [rad].
+    /// Heading to hold (rad).
     pub heading_rad: f64,
 }
 
@@ -35,15 +35,15 @@ impl Default for Reference {
 
 /// Samples in the moving average: 0.2 s at 250 Hz.
 const WINDOW: usize = 50;
-/// Its length at the rate it is meant for [s].
+/// Its length at the rate it is meant for (s).
 const WINDOW_S: f64 = 0.2;
-/// Slope of the linear end of the approach [1/s].
+/// Slope of the linear end of the approach (1/s).
 const APPROACH_RATE_1_S: f64 = 3.0;
 /// Share of the terminal speed that is flown: the rest is for the error of tracking it.
 const TERMINAL_SHARE: f64 = 0.93;
-/// The terminal speed is reached this much above the terminal height [m].
+/// The terminal speed is reached this much above the terminal height (m).
 const TERMINAL_LEAD_M: f64 = 0.1;
-/// Height above which the sideways part may begin [m].
+/// Height above which the sideways part may begin (m).
 const LATERAL_HEIGHT_M: f64 = 3.0;
 
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +102,7 @@ impl ReferenceGenerator {
         }
     }
 
-    /// Height of the reference above rest [m], unsmoothed.
+    /// Height of the reference above rest (m), unsmoothed.
     pub fn height_m(&self) -> f64 {
         self.rest_ned_m.z - self.now.position.z
     }

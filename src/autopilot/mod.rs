@@ -94,37 +94,37 @@ pub struct Estimate {
     pub time: SimTime,
     /// The filter has been aligned; before, the rest is a guess.
     pub aligned: bool,
-    /// Position of the pivot, from the pad surface under the starting point [m].
+    /// Position of the pivot, from the pad surface under the starting point (m).
     pub position_ned_m: Vec3,
-    /// Velocity of the pivot [m/s].
+    /// Velocity of the pivot (m/s).
     pub velocity_ned_m_s: Vec3,
-    /// Velocity of the centre of mass [m/s].
+    /// Velocity of the centre of mass (m/s).
     pub com_velocity_ned_m_s: Vec3,
     /// Attitude.
     pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate, bias removed [rad/s].
+    /// Body rate, bias removed (rad/s).
     pub rate_body_rad_s: Vec3,
-    /// Height of the pivot above rest [m].
+    /// Height of the pivot above rest (m).
     pub height_m: f64,
-    /// Gyroscope bias [rad/s].
+    /// Gyroscope bias (rad/s).
     pub gyro_bias_rad_s: Vec3,
-    /// Accelerometer bias [m/s²].
+    /// Accelerometer bias (m/s²).
     pub accel_bias_m_s2: Vec3,
-    /// Barometer offset [m].
+    /// Barometer offset (m).
     pub baro_offset_m: f64,
-    /// Standard deviation of position [m].
+    /// Standard deviation of position (m).
     pub position_std_m: Vec3,
-    /// Standard deviation of velocity [m/s].
+    /// Standard deviation of velocity (m/s).
     pub velocity_std_m_s: Vec3,
-    /// Standard deviation of attitude, about NED axes [rad].
+    /// Standard deviation of attitude, about NED axes (rad).
     pub attitude_std_rad: Vec3,
-    /// Mass of the vehicle [kg].
+    /// Mass of the vehicle (kg).
     pub mass_kg: f64,
-    /// Oxidiser used [kg].
+    /// Oxidiser used (kg).
     pub oxidizer_used_kg: f64,
-    /// Fuel used [kg].
+    /// Fuel used (kg).
     pub fuel_used_kg: f64,
-    /// Thrust [N].
+    /// Thrust (N).
     pub thrust_n: f64,
     /// Thrust over the thrust commanded, learnt in flight.
     pub thrust_trim: f64,
@@ -153,15 +153,15 @@ pub struct Autopilot {
     drag_ne_m_s2: [f64; 2],
 }
 
-/// Rise of the throttle from idle to lift-off [N/s]: slow against the valve, short against the flight.
+/// Rise of the throttle from idle to lift-off (N/s): slow against the valve, short against the flight.
 const LIFT_RAMP_N_S: f64 = 800.0;
-/// Height above rest that only free flight reaches: legs give a centimetre [m].
+/// Height above rest that only free flight reaches: legs give a centimetre (m).
 const AIRBORNE_HEIGHT_M: f64 = 0.04;
-/// A target farther than this from where a hand-over finds the vehicle is not worth the propellant [m].
+/// A target farther than this from where a hand-over finds the vehicle is not worth the propellant (m).
 const TARGET_REACH_M: f64 = 15.0;
-/// Propellant time kept beyond what the way down needs [s].
+/// Propellant time kept beyond what the way down needs (s).
 const RESERVE_S: f64 = 2.0;
-/// Averaging of what another pilot holds: gimbal trim and drag [s].
+/// Averaging of what another pilot holds: gimbal trim and drag (s).
 const SHADOW_TIME_S: f64 = 1.0;
 
 impl Autopilot {
@@ -505,7 +505,7 @@ impl Autopilot {
         )
     }
 
-    /// Thrust that the command in force asks for [N].
+    /// Thrust that the command in force asks for (N).
     fn demand_n(&self) -> f64 {
         match self.command.throttle {
             Throttle::ThrustN(thrust_n) => thrust_n,

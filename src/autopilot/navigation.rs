@@ -31,7 +31,7 @@ const BARO: usize = 15;
 const DRIFT: usize = 16;
 const HEADING: usize = 19;
 
-/// Walk of the magnetometer's heading error as the body tilts [rad per √s].
+/// Walk of the magnetometer's heading error as the body tilts (rad per √s).
 const HEADING_WALK_RAD_SQRT_S: f64 = 1e-3;
 
 type Covariance = SMatrix<f64, STATES, STATES>;
@@ -40,50 +40,50 @@ type Row = SVector<f64, STATES>;
 /// Satellite receiver as the flight computer knows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GnssParameters {
-    /// From the instant of the fix to its delivery [s].
+    /// From the instant of the fix to its delivery (s).
     pub delay_s: f64,
-    /// Antenna, body FRD from the pivot [m].
+    /// Antenna, body FRD from the pivot (m).
     pub antenna_body_m: Vec3,
-    /// White noise of position, horizontal and vertical [m].
+    /// White noise of position, horizontal and vertical (m).
     pub position_std_m: [f64; 2],
-    /// Slow drift of position, horizontal and vertical [m].
+    /// Slow drift of position, horizontal and vertical (m).
     pub drift_std_m: [f64; 2],
-    /// Its correlation time [s].
+    /// Its correlation time (s).
     pub drift_time_s: f64,
-    /// White noise of velocity, horizontal and vertical [m/s].
+    /// White noise of velocity, horizontal and vertical (m/s).
     pub velocity_std_m_s: [f64; 2],
 }
 
 /// Everything the filter has to know. Noise figures are of one sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NavigationParameters {
-    /// Inertial unit, body FRD from the pivot [m].
+    /// Inertial unit, body FRD from the pivot (m).
     pub imu_body_m: Vec3,
-    /// Accelerometer noise [m/s²], bias [m/s²], bias random walk [m/s² per √s].
+    /// Accelerometer noise (m/s²), bias (m/s²), bias random walk (m/s² per √s).
     pub accelerometer: [f64; 3],
-    /// Gyroscope noise [rad/s], bias after alignment [rad/s], bias random walk [rad/s per √s].
+    /// Gyroscope noise (rad/s), bias after alignment (rad/s), bias random walk (rad/s per √s).
     pub gyroscope: [f64; 3],
     /// Satellite navigation.
     pub gnss: GnssParameters,
-    /// Barometer noise [m], random walk [m per √s].
+    /// Barometer noise (m), random walk (m per √s).
     pub barometer_m: [f64; 2],
-    /// Its delay [s].
+    /// Its delay (s).
     pub barometer_delay_s: f64,
-    /// Altimeter noise [m] and share of range.
+    /// Altimeter noise (m) and share of range.
     pub altimeter: [f64; 2],
-    /// Altimeter, body FRD from the pivot [m]; it looks along +z.
+    /// Altimeter, body FRD from the pivot (m); it looks along +z.
     pub altimeter_body_m: Vec3,
-    /// Its delay [s].
+    /// Its delay (s).
     pub altimeter_delay_s: f64,
-    /// Magnetic field at the site from a field model, NED [T]. `None`: the heading on the pad is `rest_heading_rad`.
+    /// Magnetic field at the site from a field model, NED (T). `None`: the heading on the pad is `rest_heading_rad`.
     pub magnetic_field_ned_t: Option<Vec3>,
-    /// Magnetometer noise and hard iron left after calibration [T].
+    /// Magnetometer noise and hard iron left after calibration (T).
     pub magnetometer_t: [f64; 2],
-    /// Heading on the pad where no field is known [rad].
+    /// Heading on the pad where no field is known (rad).
     pub rest_heading_rad: f64,
-    /// Pivot at rest, from the local origin on the pad surface [m].
+    /// Pivot at rest, from the local origin on the pad surface (m).
     pub rest_ned_m: Vec3,
-    /// Gravity at the site [m/s²].
+    /// Gravity at the site (m/s²).
     pub gravity_m_s2: f64,
 }
 
@@ -321,7 +321,7 @@ impl Navigation {
         c
     }
 
-    /// Error of the heading from one magnetometer reading: `which` 0 its noise, 1 its hard iron [rad].
+    /// Error of the heading from one magnetometer reading: `which` 0 its noise, 1 its hard iron (rad).
     fn heading_std_rad(&self, which: usize) -> f64 {
         let field = self.parameters.magnetic_field_ned_t.unwrap_or(Vec3::new(2.0e-5, 0.0, 0.0));
         self.parameters.magnetometer_t[which] / libm::hypot(field.x, field.y).max(1e-6)
@@ -675,17 +675,17 @@ impl Navigation {
         self.now.q_ned_from_body
     }
 
-    /// Body rate, bias removed [rad/s].
+    /// Body rate, bias removed (rad/s).
     pub const fn rate_body_rad_s(&self) -> Vec3 {
         self.rate_body_rad_s
     }
 
-    /// Specific force at the inertial unit, bias removed [m/s²].
+    /// Specific force at the inertial unit, bias removed (m/s²).
     pub const fn specific_force_body_m_s2(&self) -> Vec3 {
         self.specific_force_body_m_s2
     }
 
-    /// Gyroscope bias [rad/s], accelerometer bias [m/s²], barometer offset [m].
+    /// Gyroscope bias (rad/s), accelerometer bias (m/s²), barometer offset (m).
     pub const fn biases(&self) -> (Vec3, Vec3, f64) {
         (self.now.gyro_bias_rad_s, self.now.accel_bias_m_s2, self.now.baro_offset_m)
     }
@@ -700,7 +700,7 @@ impl Navigation {
         )
     }
 
-    /// Standard deviations of position [m], velocity [m/s] and attitude [rad], NED axes.
+    /// Standard deviations of position (m), velocity (m/s) and attitude (rad), NED axes.
     pub fn standard_deviations(&self) -> [Vec3; 3] {
         let block = |at: usize| Vec3::from_fn(|i, _| self.covariance[(at + i, at + i)].max(0.0).sqrt());
         [block(P), block(V), block(TH)]

@@ -77,43 +77,43 @@ pub enum MissionKind {
 pub struct Mission {
     /// Kind of flight.
     pub kind: MissionKind,
-    /// Greatest speed of the climb [m/s].
+    /// Greatest speed of the climb (m/s).
     #[schemars(range(min = 0.2, max = 20.0))]
     pub ascent_speed_m_s: f64,
-    /// Height of the hover above rest [m].
+    /// Height of the hover above rest (m).
     #[schemars(range(min = 0.5, max = 500.0))]
     pub hover_height_m: f64,
-    /// Time at the hover height [s].
+    /// Time at the hover height (s).
     #[schemars(range(min = 0.0, max = 120.0))]
     pub hover_time_s: f64,
-    /// Greatest speed of the descent [m/s].
+    /// Greatest speed of the descent (m/s).
     #[schemars(range(min = 0.2, max = 20.0))]
     pub descent_speed_m_s: f64,
-    /// Height above rest at which the constant final speed begins [m].
+    /// Height above rest at which the constant final speed begins (m).
     #[schemars(range(min = 0.3, max = 20.0))]
     pub terminal_height_m: f64,
-    /// Greatest speed from there to contact [m/s].
+    /// Greatest speed from there to contact (m/s).
     #[schemars(range(min = 0.2, max = 2.0))]
     pub terminal_speed_m_s: f64,
-    /// Vertical acceleration of every ramp [m/s²].
+    /// Vertical acceleration of every ramp (m/s²).
     #[schemars(range(min = 0.1, max = 4.0))]
     pub acceleration_m_s2: f64,
-    /// Greatest sideways speed [m/s].
+    /// Greatest sideways speed (m/s).
     #[schemars(range(min = 0.1, max = 10.0))]
     pub lateral_speed_m_s: f64,
-    /// Sideways acceleration of every ramp [m/s²].
+    /// Sideways acceleration of every ramp (m/s²).
     #[schemars(range(min = 0.1, max = 3.0))]
     pub lateral_acceleration_m_s2: f64,
-    /// Landing point, north and east of the starting point [m].
+    /// Landing point, north and east of the starting point (m).
     #[schemars(inner(range(min = -500.0, max = 500.0)))]
     pub target_north_east_m: [f64; 2],
-    /// Greatest tilt that may be commanded [rad].
+    /// Greatest tilt that may be commanded (rad).
     #[schemars(range(min = 0.02, max = 0.6))]
     pub tilt_limit_rad: f64,
-    /// Time at rest that the alignment averages over [s].
+    /// Time at rest that the alignment averages over (s).
     #[schemars(range(min = 1.0, max = 60.0))]
     pub alignment_s: f64,
-    /// Time between arming and throttle, for the isolation valve [s].
+    /// Time between arming and throttle, for the isolation valve (s).
     #[schemars(range(min = 0.0, max = 60.0))]
     pub ready_s: f64,
 }
@@ -142,15 +142,15 @@ impl Default for Mission {
 /// Times and thresholds of the sequence that belong to the vehicle, not to the mission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SequenceParameters {
-    /// Chamber pressure that proves a flame [Pa].
+    /// Chamber pressure that proves a flame (Pa).
     pub lit_pressure_pa: f64,
-    /// Wait between proof of flame (or the time below) and the climb: the thrust rise [s].
+    /// Wait between proof of flame (or the time below) and the climb: the thrust rise (s).
     pub thrust_rise_s: f64,
-    /// Without a chamber transducer, the flame is assumed this long after the throttle [s].
+    /// Without a chamber transducer, the flame is assumed this long after the throttle (s).
     pub assumed_ignition_s: f64,
-    /// With one, the attempt is given up after this [s].
+    /// With one, the attempt is given up after this (s).
     pub ignition_timeout_s: f64,
-    /// From engine off to disarmed [s].
+    /// From engine off to disarmed (s).
     pub disarm_after_s: f64,
 }
 
@@ -171,11 +171,11 @@ impl Default for SequenceParameters {
 pub struct Evidence {
     /// The filter has been aligned.
     pub aligned: bool,
-    /// Newest chamber pressure, if there is a transducer [Pa].
+    /// Newest chamber pressure, if there is a transducer (Pa).
     pub chamber_pa: Option<f64>,
-    /// Height of the pivot above rest [m].
+    /// Height of the pivot above rest (m).
     pub height_m: f64,
-    /// Speed downward [m/s].
+    /// Speed downward (m/s).
     pub descent_speed_m_s: f64,
     /// Axial specific force times mass, less the thrust that is expected, over the weight: the share
     /// of the weight that something else carries.
@@ -219,7 +219,7 @@ impl Sequence {
         self.phase
     }
 
-    /// Time since the present phase began [s].
+    /// Time since the present phase began (s).
     pub const fn time_in_phase_s(&self) -> f64 {
         self.time_in_phase_s
     }

@@ -7,11 +7,11 @@ use crate::frame::Vec3;
 /// Mass properties at one mass; between two such points the estimate is linear in mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassPoint {
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// Centre of mass in body FRD, from the pivot [m].
+    /// Centre of mass in body FRD, from the pivot (m).
     pub com_body_m: Vec3,
-    /// Principal moments about the centre of mass, FRD x, y, z [kg m²].
+    /// Principal moments about the centre of mass, FRD x, y, z (kg m²).
     pub inertia_kg_m2: [f64; 3],
 }
 
@@ -22,44 +22,44 @@ pub struct PropellantParameters {
     pub full: MassPoint,
     /// At the end of the nominal flight, or burnt out.
     pub empty: MassPoint,
-    /// Usable oxidiser at the start [kg].
+    /// Usable oxidiser at the start (kg).
     pub oxidizer_kg: f64,
-    /// Usable fuel at the start [kg].
+    /// Usable fuel at the start (kg).
     pub fuel_kg: f64,
-    /// Port radius at the start [m].
+    /// Port radius at the start (m).
     pub port_radius_m: f64,
-    /// Fuel density times grain length: volume to radius [kg/m].
+    /// Fuel density times grain length: volume to radius (kg/m).
     pub fuel_kg_per_m2: f64,
-    /// Dead time from command to valve motion [s].
+    /// Dead time from command to valve motion (s).
     pub delay_s: f64,
-    /// First-order time constant of the thrust behind the command: the servo's 2 ζ/ω [s].
+    /// First-order time constant of the thrust behind the command: the servo's 2 ζ/ω (s).
     pub lag_s: f64,
-    /// From throttle to the flame [s].
+    /// From throttle to the flame (s).
     pub ignition_delay_s: f64,
-    /// Time constant of the thrust rise after the flame [s].
+    /// Time constant of the thrust rise after the flame (s).
     pub rise_s: f64,
-    /// Thrust between here and the upper end holds once lit [N].
+    /// Thrust between here and the upper end holds once lit (N).
     pub thrust_min_n: f64,
-    /// Upper end [N].
+    /// Upper end (N).
     pub thrust_max_n: f64,
-    /// Demands under this thrust shut the engine [N].
+    /// Demands under this thrust shut the engine (N).
     pub thrust_shut_n: f64,
 }
 
 /// Estimated state of engine and tanks.
 #[derive(Clone, Debug)]
 pub struct PropellantEstimate {
-    /// Mass of the vehicle [kg].
+    /// Mass of the vehicle (kg).
     pub mass_kg: f64,
-    /// Oxidiser used [kg].
+    /// Oxidiser used (kg).
     pub oxidizer_used_kg: f64,
-    /// Fuel used [kg].
+    /// Fuel used (kg).
     pub fuel_used_kg: f64,
-    /// Port radius [m].
+    /// Port radius (m).
     pub port_radius_m: f64,
     /// Thrust over the thrust the model expects.
     pub trim: f64,
-    /// Oxidiser flow now [kg/s].
+    /// Oxidiser flow now (kg/s).
     pub oxidizer_kg_s: f64,
     lagged_n: f64,
     rise: f64,
@@ -69,7 +69,7 @@ pub struct PropellantEstimate {
 
 /// Longest dead time that can be represented, in steps of the IMU.
 const PIPELINE: usize = 8;
-/// Time constant of the trim: slow against the valve, fast against the flight [s].
+/// Time constant of the trim: slow against the valve, fast against the flight (s).
 const TRIM_TIME_S: f64 = 0.8;
 /// The trim corrects an engine off its map, not a broken one.
 const TRIM_LIMIT: f64 = 0.15;
@@ -91,7 +91,7 @@ impl PropellantEstimate {
         }
     }
 
-    /// Estimated thrust [N].
+    /// Estimated thrust (N).
     pub fn thrust_n(&self) -> f64 {
         self.trim * self.lagged_n * self.rise
     }
@@ -112,7 +112,7 @@ impl PropellantEstimate {
         }
     }
 
-    /// Time that the oxidiser or the fuel lasts at the present mean consumption of a hover [s].
+    /// Time that the oxidiser or the fuel lasts at the present mean consumption of a hover (s).
     pub fn endurance_s(&self, parameters: &PropellantParameters, map: &ThrustMap, gravity_m_s2: f64) -> f64 {
         let (ox, fuel) = map.flows_kg_s(self.mass_kg * gravity_m_s2, self.port_radius_m);
         let left = |have: f64, used: f64, flow: f64| {
@@ -168,7 +168,7 @@ impl PropellantEstimate {
         self.mass_kg = (parameters.full.mass_kg - used).max(0.5 * parameters.full.mass_kg);
     }
 
-    /// Slow trim: the force seen along the long axis [N] against the thrust expected. Only in free flight.
+    /// Slow trim: the force seen along the long axis (N) against the thrust expected. Only in free flight.
     pub fn trim_step(&mut self, parameters: &PropellantParameters, axial_force_n: f64, dt_s: f64) {
         let expected = self.thrust_n();
         if expected < 0.8 * parameters.thrust_min_n || self.rise < 0.9 {

@@ -11,24 +11,24 @@ use crate::frame::Vec3;
 #[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Aerodynamics {
-    /// Drag coefficient times area along the long axis [m²].
+    /// Drag coefficient times area along the long axis (m²).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub drag_area_axial_m2: f64,
-    /// Drag coefficient times area across the long axis, the same for x and y [m²].
+    /// Drag coefficient times area across the long axis, the same for x and y (m²).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub drag_area_lateral_m2: f64,
-    /// Height of the centre of pressure above the gimbal pivot [m].
+    /// Height of the centre of pressure above the gimbal pivot (m).
     #[schemars(range(min = -20.0, max = 20.0))]
     pub centre_of_pressure_z_m: f64,
 }
 
 impl Aerodynamics {
-    /// Centre of pressure in body FRD [m].
+    /// Centre of pressure in body FRD (m).
     pub fn centre_of_pressure_body_m(&self) -> Vec3 {
         Vec3::new(0.0, 0.0, -self.centre_of_pressure_z_m)
     }
 
-    /// Drag, given the air density [kg/m³] and the motion of the pivot relative to the air, body FRD.
+    /// Drag, given the air density (kg/m³) and the motion of the pivot relative to the air, body FRD.
     pub fn drag(&self, density_kg_m3: f64, airspeed_body_m_s: Vec3, rate_body_rad_s: Vec3) -> Load {
         let centre = self.centre_of_pressure_body_m();
         let v = airspeed_body_m_s + rate_body_rad_s.cross(&centre);

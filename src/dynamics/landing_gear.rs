@@ -33,31 +33,31 @@ pub struct LandingGear {
     /// Legs, the first on structural +x, evenly spaced.
     #[schemars(range(min = 3, max = 8))]
     pub leg_count: u32,
-    /// Distance of the pads from the long axis [m].
+    /// Distance of the pads from the long axis (m).
     #[schemars(range(min = 0.05, max = 20.0))]
     pub pad_radius_m: f64,
-    /// Height of the unloaded pads above the gimbal pivot [m], usually negative.
+    /// Height of the unloaded pads above the gimbal pivot (m), usually negative.
     #[schemars(range(min = -20.0, max = 20.0))]
     pub pad_z_m: f64,
-    /// Vertical stiffness of a leg [N/m].
+    /// Vertical stiffness of a leg (N/m).
     #[schemars(range(min = 100.0, max = 1e6))]
     pub stiffness_n_m: f64,
-    /// Vertical damping of a leg [N s/m].
+    /// Vertical damping of a leg (N s/m).
     #[schemars(range(min = 0.0, max = 1e4))]
     pub damping_n_s_m: f64,
-    /// Travel of a leg before it bottoms [m].
+    /// Travel of a leg before it bottoms (m).
     #[schemars(range(min = 0.001, max = 5.0))]
     pub stroke_m: f64,
-    /// Further stiffness beyond the stroke [N/m].
+    /// Further stiffness beyond the stroke (N/m).
     #[schemars(range(min = 0.0, max = 2e6))]
     pub bottom_stiffness_n_m: f64,
     /// Coulomb friction coefficient of a pad.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub friction_coefficient: f64,
-    /// Horizontal stiffness of a leg while its pad sticks [N/m].
+    /// Horizontal stiffness of a leg while its pad sticks (N/m).
     #[schemars(range(min = 100.0, max = 1e6))]
     pub stick_stiffness_n_m: f64,
-    /// Horizontal damping of a leg [N s/m].
+    /// Horizontal damping of a leg (N s/m).
     #[schemars(range(min = 0.0, max = 1e4))]
     pub stick_damping_n_s_m: f64,
 }
@@ -66,7 +66,7 @@ pub struct LandingGear {
 #[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HoldDown {
-    /// Time from the command until the feet are free [s].
+    /// Time from the command until the feet are free (s).
     #[schemars(range(min = 0.0, max = 10.0))]
     pub release_time_s: f64,
 }
@@ -83,23 +83,23 @@ pub enum Grip {
 /// Where the vehicle is and how it moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Position of the gimbal pivot [m].
+    /// Position of the gimbal pivot (m).
     pub position_ned_m: Vec3,
-    /// Its velocity [m/s].
+    /// Its velocity (m/s).
     pub velocity_ned_m_s: Vec3,
     /// Body axes to NED.
     pub ned_from_body: Mat3,
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     pub rate_body_rad_s: Vec3,
 }
 
 impl Motion {
-    /// Place of a body point in NED [m].
+    /// Place of a body point in NED (m).
     pub fn point_ned_m(&self, position_body_m: Vec3) -> Vec3 {
         self.position_ned_m + self.ned_from_body * position_body_m
     }
 
-    /// Velocity of a body point in NED [m/s].
+    /// Velocity of a body point in NED (m/s).
     pub fn point_velocity_ned_m_s(&self, position_body_m: Vec3) -> Vec3 {
         self.velocity_ned_m_s + self.ned_from_body * self.rate_body_rad_s.cross(&position_body_m)
     }
@@ -124,11 +124,11 @@ impl Anchors {
 pub struct Contact {
     /// All legs together, about O, body FRD.
     pub load: Load,
-    /// Force of the ground on each pad [N], NED: the third component is negative when it pushes up.
+    /// Force of the ground on each pad (N), NED: the third component is negative when it pushes up.
     pub pad_force_ned_n: [Vec3; MAX_LEGS],
     /// Pads at or below the ground.
     pub pads_down: usize,
-    /// What the hold-down clamps carry, pulling down [N].
+    /// What the hold-down clamps carry, pulling down (N).
     pub hold_down_n: f64,
 }
 
@@ -148,14 +148,14 @@ impl LandingGear {
         (self.leg_count as usize).min(MAX_LEGS)
     }
 
-    /// Unloaded pad of a leg, body FRD [m].
+    /// Unloaded pad of a leg, body FRD (m).
     pub fn pad_body_m(&self, leg: usize) -> Vec3 {
         let (sine, cosine) = libm::sincos(TAU * leg as f64 / self.legs().max(1) as f64);
         // Structural (r cos, r sin, z) in FRD.
         Vec3::new(self.pad_radius_m * cosine, -self.pad_radius_m * sine, -self.pad_z_m)
     }
 
-    /// Every unloaded pad, body FRD [m]; unused entries are zero. Compute once and keep.
+    /// Every unloaded pad, body FRD (m); unused entries are zero. Compute once and keep.
     pub fn pads_body_m(&self) -> [Vec3; MAX_LEGS] {
         let mut pads = [Vec3::zeros(); MAX_LEGS];
         for (leg, pad) in pads.iter_mut().enumerate().take(self.legs()) {
@@ -242,7 +242,7 @@ impl LandingGear {
         next
     }
 
-    /// Height of the gimbal pivot above the ground, at rest and upright under a weight [N] [m].
+    /// Height of the gimbal pivot above the ground, at rest and upright under a weight (N) (m).
     pub fn rest_height_m(&self, weight_n: f64) -> f64 {
         let per_leg_n = weight_n / self.legs().max(1) as f64;
         let soft_m = per_leg_n / self.stiffness_n_m;
@@ -256,7 +256,7 @@ impl LandingGear {
         -self.pad_z_m - deflection_m
     }
 
-    /// Energy in the leg springs, vertical and sideways [J], for audits.
+    /// Energy in the leg springs, vertical and sideways (J), for audits.
     pub fn spring_energy_j(
         &self,
         pads_body_m: &[Vec3; MAX_LEGS],
@@ -278,7 +278,7 @@ impl LandingGear {
         energy_j
     }
 
-    /// Vertical force of a leg at a depth [m] that grows at a speed [m/s], negative in tension [N].
+    /// Vertical force of a leg at a depth (m) that grows at a speed (m/s), negative in tension (N).
     fn leg_force_n(&self, depth_m: f64, down_m_s: f64) -> f64 {
         self.stiffness_n_m * depth_m
             + self.bottom_stiffness_n_m * (depth_m - self.stroke_m).max(0.0)
@@ -292,7 +292,7 @@ impl LandingGear {
     }
 }
 
-/// The deepest of some body points that are below the ground: its index and depth [m]. A nozzle exit or a
+/// The deepest of some body points that are below the ground: its index and depth (m). A nozzle exit or a
 /// nose there means a crash.
 pub fn deepest_below_ground(
     points_body_m: &[Vec3],

@@ -19,13 +19,13 @@ use core::f64::consts::PI;
 pub struct Component {
     /// Name of the part.
     pub name: String,
-    /// Mass [kg].
+    /// Mass (kg).
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub mass_kg: f64,
-    /// Centre of mass from the gimbal pivot [m]: structural in the file, body FRD once the vehicle is read.
+    /// Centre of mass from the gimbal pivot (m): structural in the file, body FRD once the vehicle is read.
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// Inertia about the part's own centre of mass [kg m²], tensor convention, symmetric: structural
+    /// Inertia about the part's own centre of mass (kg m²), tensor convention, symmetric: structural
     /// axes in the file, body FRD once the vehicle is read.
     pub inertia_kg_m2: [[f64; 3]; 3],
     /// Whether the part turns with the gimbal.
@@ -72,22 +72,22 @@ impl Component {
 /// Inner cylinder of the run tank, standing on the long axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TankGeometry {
-    /// Inner radius [m].
+    /// Inner radius (m).
     pub radius_m: f64,
-    /// Inner length [m].
+    /// Inner length (m).
     pub length_m: f64,
-    /// Height of the floor above the gimbal pivot [m].
+    /// Height of the floor above the gimbal pivot (m).
     pub floor_z_m: f64,
 }
 
 /// Stored pressurant as a uniform cylinder on the long axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BottleGeometry {
-    /// Radius [m].
+    /// Radius (m).
     pub radius_m: f64,
-    /// Volume [m³]; the length follows.
+    /// Volume (m³); the length follows.
     pub volume_m3: f64,
-    /// Height of the centre above the gimbal pivot [m].
+    /// Height of the centre above the gimbal pivot (m).
     pub centre_z_m: f64,
 }
 
@@ -96,27 +96,27 @@ pub struct BottleGeometry {
 pub struct GrainGeometry {
     /// Ports; 1 is central, 2 lie along body x, more are evenly spaced on a circle.
     pub port_count: u32,
-    /// Radius of the circle of port axes [m]; 0 for one port.
+    /// Radius of the circle of port axes (m); 0 for one port.
     pub port_circle_radius_m: f64,
-    /// Outer radius [m].
+    /// Outer radius (m).
     pub outer_radius_m: f64,
-    /// Length [m].
+    /// Length (m).
     pub length_m: f64,
-    /// Height of the fore end above the gimbal pivot [m], usually negative.
+    /// Height of the fore end above the gimbal pivot (m), usually negative.
     pub top_z_m: f64,
-    /// Fuel density [kg/m³].
+    /// Fuel density (kg/m³).
     pub fuel_density_kg_m3: f64,
 }
 
 impl GrainGeometry {
-    /// Fuel left at a port radius [kg], never negative.
+    /// Fuel left at a port radius (kg), never negative.
     pub fn mass_kg(&self, port_radius_m: f64) -> f64 {
         let n = f64::from(self.port_count);
         let area_m2 = PI * (self.outer_radius_m * self.outer_radius_m - n * port_radius_m * port_radius_m);
         self.fuel_density_kg_m3 * self.length_m * area_m2.max(0.0)
     }
 
-    /// The grain at a port radius [m] that grows at a rate [m/s].
+    /// The grain at a port radius (m) that grows at a rate (m/s).
     fn solid(&self, r: f64, r_dot: f64) -> Axial {
         let n = f64::from(self.port_count);
         let (ro2, r2) = (self.outer_radius_m * self.outer_radius_m, r * r);
@@ -158,39 +158,39 @@ impl GrainGeometry {
 /// What is in the vehicle at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contents {
-    /// Liquid nitrous oxide [kg].
+    /// Liquid nitrous oxide (kg).
     pub nitrous_kg: f64,
-    /// Its density [kg/m³].
+    /// Its density (kg/m³).
     pub nitrous_density_kg_m3: f64,
-    /// Radius of each port [m].
+    /// Radius of each port (m).
     pub port_radius_m: f64,
-    /// Pressurant above the liquid [kg].
+    /// Pressurant above the liquid (kg).
     pub nitrogen_run_tank_kg: f64,
-    /// Pressurant in the bottle [kg].
+    /// Pressurant in the bottle (kg).
     pub nitrogen_bottle_kg: f64,
 }
 
 /// Rates of [`Contents`]: negative while something empties.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContentsRate {
-    /// Liquid nitrous oxide [kg/s].
+    /// Liquid nitrous oxide (kg/s).
     pub nitrous_kg_s: f64,
-    /// Growth of the port radius [m/s].
+    /// Growth of the port radius (m/s).
     pub port_radius_m_s: f64,
-    /// Pressurant above the liquid [kg/s].
+    /// Pressurant above the liquid (kg/s).
     pub nitrogen_run_tank_kg_s: f64,
-    /// Pressurant in the bottle [kg/s].
+    /// Pressurant in the bottle (kg/s).
     pub nitrogen_bottle_kg_s: f64,
 }
 
 /// Mass, first moment and inertia of a body about O, body FRD.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties {
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// Mass times centre of mass [kg m].
+    /// Mass times centre of mass (kg m).
     pub first_moment_kg_m: Vec3,
-    /// Inertia about O [kg m²].
+    /// Inertia about O (kg m²).
     pub inertia_kg_m2: Mat3,
 }
 
@@ -200,12 +200,12 @@ impl MassProperties {
         Self { mass_kg: 0.0, first_moment_kg_m: Vec3::zeros(), inertia_kg_m2: Mat3::zeros() }
     }
 
-    /// Centre of mass [m]; O for a body without mass.
+    /// Centre of mass (m); O for a body without mass.
     pub fn centre_of_mass_body_m(&self) -> Vec3 {
         if self.mass_kg > 0.0 { self.first_moment_kg_m / self.mass_kg } else { Vec3::zeros() }
     }
 
-    /// Inertia about the centre of mass [kg m²].
+    /// Inertia about the centre of mass (kg m²).
     pub fn inertia_about_com_kg_m2(&self) -> Mat3 {
         self.inertia_kg_m2 - point_inertia(self.centre_of_mass_body_m()) * self.mass_kg
     }
@@ -240,29 +240,29 @@ impl MassProperties {
 /// changes along z and the inertia in its diagonal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MassRate {
-    /// Mass [kg/s].
+    /// Mass (kg/s).
     pub mass_kg_s: f64,
-    /// First moment along body z [kg m/s].
+    /// First moment along body z (kg m/s).
     pub first_moment_z_kg_m_s: f64,
-    /// Diagonal of the inertia about O [kg m²/s].
+    /// Diagonal of the inertia about O (kg m²/s).
     pub inertia_diagonal_kg_m2_s: Vec3,
 }
 
 /// Mass that leaves the vehicle at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outflow {
-    /// Where it leaves, body FRD [m].
+    /// Where it leaves, body FRD (m).
     pub position_body_m: Vec3,
-    /// How much, positive outward [kg/s].
+    /// How much, positive outward (kg/s).
     pub mass_flow_kg_s: f64,
 }
 
 /// What the moving contents add to the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowTerms {
-    /// Momentum of the internal flow, `P = dS/dt + Σ ṁ_k r_k` [kg m/s].
+    /// Momentum of the internal flow, `P = dS/dt + Σ ṁ_k r_k` (kg m/s).
     pub momentum_body_kg_m_s: Vec3,
-    /// Jet damping, `J = dI/dt + Σ ṁ_k (r_k·r_k E - r_k r_kᵀ)` [kg m²/s].
+    /// Jet damping, `J = dI/dt + Σ ṁ_k (r_k·r_k E - r_k r_kᵀ)` (kg m²/s).
     pub jet_damping_kg_m2_s: Mat3,
 }
 
@@ -337,7 +337,7 @@ impl MassModel {
         &self.tank
     }
 
-    /// Fuel left [kg].
+    /// Fuel left (kg).
     pub fn fuel_kg(&self, contents: &Contents) -> f64 {
         self.grain.mass_kg(contents.port_radius_m)
     }
@@ -391,7 +391,7 @@ impl MassModel {
         MassState { vehicle, swinging, rate: total }
     }
 
-    /// Height of the liquid column [m] and its rate [m/s]; it stays inside the tank.
+    /// Height of the liquid column (m) and its rate (m/s); it stays inside the tank.
     fn liquid_height(&self, contents: &Contents, rate: &ContentsRate) -> (f64, f64) {
         let height_per_kg = self.tank.height_per_kg(contents.nitrous_density_kg_m3);
         let height = contents.nitrous_kg * height_per_kg;
@@ -404,7 +404,7 @@ impl MassModel {
 }
 
 impl TankGeometry {
-    /// Height of a column of 1 kg of liquid of the given density [m/kg]; 0 where density means nothing.
+    /// Height of a column of 1 kg of liquid of the given density (m/kg); 0 where density means nothing.
     pub fn height_per_kg(&self, density_kg_m3: f64) -> f64 {
         let per_height = density_kg_m3 * PI * self.radius_m * self.radius_m; // [kg/m]
         if per_height > 0.0 { 1.0 / per_height } else { 0.0 }

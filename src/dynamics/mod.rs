@@ -18,9 +18,9 @@ use std::ops::{Add, AddAssign};
 /// A force and its moment about the gimbal pivot O, body FRD.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
-    /// Force [N].
+    /// Force (N).
     pub force_body_n: Vec3,
-    /// Moment about O [N m].
+    /// Moment about O (N m).
     pub moment_body_n_m: Vec3,
 }
 

@@ -40,7 +40,7 @@ pub struct Balance<'a> {
     pub vehicle: &'a MassProperties,
     /// What its moving contents add.
     pub flow: &'a FlowTerms,
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     pub rate_body_rad_s: Vec3,
     /// Every applied force but gravity, and its moment about O.
     pub load: Load,
@@ -63,11 +63,11 @@ pub struct Swing<'a> {
 /// body FRD x and y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GimbalMotion {
-    /// Angles [rad].
+    /// Angles (rad).
     pub angle_rad: Vector2<f64>,
-    /// Rates [rad/s].
+    /// Rates (rad/s).
     pub rate_rad_s: Vector2<f64>,
-    /// Accelerations [rad/s²].
+    /// Accelerations (rad/s²).
     pub acceleration_rad_s2: Vector2<f64>,
 }
 
@@ -83,13 +83,13 @@ pub enum SolveStatus {
 /// What the vehicle does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acceleration {
-    /// Specific force at O: its acceleration less gravity, body FRD [m/s²].
+    /// Specific force at O: its acceleration less gravity, body FRD (m/s²).
     pub specific_force_body_m_s2: Vec3,
-    /// Angular acceleration, body FRD [rad/s²].
+    /// Angular acceleration, body FRD (rad/s²).
     pub angular_body_rad_s2: Vec3,
-    /// Second derivative of the slosh displacement, body FRD x and y [m/s²].
+    /// Second derivative of the slosh displacement, body FRD x and y (m/s²).
     pub slosh_body_m_s2: Vector2<f64>,
-    /// Force of spring, damper and stop on the vehicle, body FRD x and y [N].
+    /// Force of spring, damper and stop on the vehicle, body FRD x and y (N).
     pub slosh_force_body_n: Vector2<f64>,
     /// Whether it is a solution.
     pub status: SolveStatus,
@@ -105,7 +105,7 @@ impl Acceleration {
         status: SolveStatus::Singular,
     };
 
-    /// Specific force at a point fixed in the body, what an accelerometer there feels [m/s²].
+    /// Specific force at a point fixed in the body, what an accelerometer there feels (m/s²).
     pub fn specific_force_at(&self, position_body_m: Vec3, rate_body_rad_s: Vec3) -> Vec3 {
         self.specific_force_body_m_s2
             + self.angular_body_rad_s2.cross(&position_body_m)
@@ -173,7 +173,7 @@ pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Loa
     (acceleration, Load { force_body_n: force, moment_body_n_m: moment })
 }
 
-/// Linear and angular momentum about O in body axes [kg m/s, kg m²/s], given O's velocity in body axes;
+/// Linear and angular momentum about O in body axes (kg m/s, kg m²/s), given O's velocity in body axes;
 /// without what leaves the vehicle. For audits.
 pub fn momentum(balance: &Balance, velocity_body_m_s: Vec3) -> (Vec3, Vec3) {
     let terms = Terms::new(balance);

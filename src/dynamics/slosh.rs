@@ -25,7 +25,7 @@ use nalgebra::Vector2;
 
 /// First zero of the derivative of the Bessel function J1.
 const XI: f64 = 1.841_183_781_340_659_4;
-/// Standard gravity [m/s²], which the one-way form uses whatever the vehicle feels.
+/// Standard gravity (m/s²), which the one-way form uses whatever the vehicle feels.
 const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// Which slosh model the plant runs.
@@ -52,13 +52,13 @@ pub struct Slosh {
     /// Hardening: cubic stiffness over linear stiffness, times the tank radius squared.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub hardening: f64,
-    /// Least damping rate 2ζω [1/s], which acts alone in free fall.
+    /// Least damping rate 2ζω (1/s), which acts alone in free fall.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub minimum_damping_rate_1_s: f64,
     /// Where the stop begins, as a fraction of the tank radius.
     #[schemars(range(min = 0.05, max = 1.0))]
     pub stop_fraction: f64,
-    /// Natural frequency of the sloshing mass on the stop [rad/s].
+    /// Natural frequency of the sloshing mass on the stop (rad/s).
     #[schemars(range(min = 0.0, max = 500.0))]
     pub stop_natural_frequency_rad_s: f64,
     /// Damping ratio of the sloshing mass on the stop.
@@ -84,21 +84,21 @@ pub enum Coupling {
 /// The mode at one instant, per unit of sloshing mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
-    /// Sloshing mass [kg].
+    /// Sloshing mass (kg).
     pub mass_kg: f64,
-    /// Where it sits on the long axis, body FRD z from the pivot [m].
+    /// Where it sits on the long axis, body FRD z from the pivot (m).
     pub station_z_body_m: f64,
-    /// ω² [1/s²].
+    /// ω² (1/s²).
     pub stiffness_1_s2: f64,
-    /// 2ζω, not below its floor [1/s].
+    /// 2ζω, not below its floor (1/s).
     pub damping_rate_1_s: f64,
-    /// Cubic stiffness over mass [1/(m² s²)].
+    /// Cubic stiffness over mass (1/(m² s²)).
     pub hardening_1_m2_s2: f64,
-    /// Displacement at which the stop begins [m].
+    /// Displacement at which the stop begins (m).
     pub stop_radius_m: f64,
-    /// ω² of the stop [1/s²].
+    /// ω² of the stop (1/s²).
     pub stop_stiffness_1_s2: f64,
-    /// 2ζω of the stop [1/s].
+    /// 2ζω of the stop (1/s).
     pub stop_damping_rate_1_s: f64,
     /// How it meets the rigid body.
     pub coupling: Coupling,
@@ -107,14 +107,14 @@ pub struct Mode {
 /// Displacement of the sloshing mass across the tank and its rate, body FRD x and y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SloshState {
-    /// Displacement from the axis [m].
+    /// Displacement from the axis (m).
     pub displacement_body_m: Vector2<f64>,
-    /// Its rate in the body frame [m/s].
+    /// Its rate in the body frame (m/s).
     pub velocity_body_m_s: Vector2<f64>,
 }
 
 impl Slosh {
-    /// The mode of so much liquid under an axial specific force [m/s²], every applied force but gravity
+    /// The mode of so much liquid under an axial specific force (m/s²), every applied force but gravity
     /// over mass, positive when it presses the liquid on the floor; `None` when the liquid is frozen.
     pub fn mode(
         &self,
@@ -163,7 +163,7 @@ impl Slosh {
 }
 
 impl Mode {
-    /// What spring, damper and stop give the liquid, per unit of its mass [m/s²]. The vehicle feels the
+    /// What spring, damper and stop give the liquid, per unit of its mass (m/s²). The vehicle feels the
     /// opposite, times [`Mode::mass_kg`].
     pub fn restoring_m_s2(&self, state: &SloshState) -> Vector2<f64> {
         let (s, v) = (state.displacement_body_m, state.velocity_body_m_s);
@@ -181,7 +181,7 @@ impl Mode {
         restoring
     }
 
-    /// Potential energy of spring and stop [J], for audits.
+    /// Potential energy of spring and stop (J), for audits.
     pub fn potential_energy_j(&self, displacement_body_m: Vector2<f64>) -> f64 {
         let s2 = displacement_body_m.component_mul(&displacement_body_m);
         let beyond = (displacement_body_m.norm() - self.stop_radius_m).max(0.0);

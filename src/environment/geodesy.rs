@@ -7,7 +7,7 @@
 
 use crate::frame::{Mat3, Vec3};
 
-/// Semi-major axis of WGS 84 [m].
+/// Semi-major axis of WGS 84 (m).
 const A_M: f64 = 6_378_137.0;
 /// Flattening of WGS 84.
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
@@ -17,11 +17,11 @@ const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 /// A point on or above the ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geodetic {
-    /// Geodetic latitude [rad].
+    /// Geodetic latitude (rad).
     pub latitude_rad: f64,
-    /// Longitude [rad].
+    /// Longitude (rad).
     pub longitude_rad: f64,
-    /// Height [m], the ellipsoid taken as mean sea level.
+    /// Height (m), the ellipsoid taken as mean sea level.
     pub altitude_m: f64,
 }
 
@@ -49,18 +49,18 @@ impl Datum {
         Self { origin, origin_ecef_m: ecef_m(&origin), ecef_from_ned }
     }
 
-    /// Coordinates of a point given in this NED frame [m].
+    /// Coordinates of a point given in this NED frame (m).
     pub fn geodetic(&self, position_ned_m: &Vec3) -> Geodetic {
         geodetic(&(self.origin_ecef_m + self.ecef_from_ned * position_ned_m))
     }
 
-    /// Position in this NED frame of a point given by its coordinates [m].
+    /// Position in this NED frame of a point given by its coordinates (m).
     pub fn position_ned_m(&self, point: &Geodetic) -> Vec3 {
         self.ecef_from_ned.tr_mul(&(ecef_m(point) - self.origin_ecef_m))
     }
 }
 
-/// Earth-centred, Earth-fixed coordinates [m].
+/// Earth-centred, Earth-fixed coordinates (m).
 fn ecef_m(point: &Geodetic) -> Vec3 {
     let (sin_lat, cos_lat) = libm::sincos(point.latitude_rad);
     let (sin_lon, cos_lon) = libm::sincos(point.longitude_rad);

@@ -27,7 +27,7 @@ pub enum MagneticModel {
     Wmm2025,
 }
 
-/// Field at the site in NED [T], at the date of the site to the day (a day is 0.3 nT).
+/// Field at the site in NED (T), at the date of the site to the day (a day is 0.3 nT).
 ///
 /// # Errors
 /// When date or place are outside the model.

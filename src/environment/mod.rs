@@ -37,7 +37,7 @@ pub struct Environment {
     pub terrain: Terrain,
     /// Where the pad is on Earth.
     pub datum: Datum,
-    /// Magnetic field at the pad, NED [T].
+    /// Magnetic field at the pad, NED (T).
     pub magnetic_field_ned_t: Vec3,
 }
 
@@ -68,25 +68,25 @@ impl Environment {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Site {
-    /// Geodetic latitude of the pad [deg], positive north.
+    /// Geodetic latitude of the pad (deg), positive north.
     #[schemars(range(min = -89.9, max = 89.9))]
     pub latitude_deg: f64,
-    /// Longitude of the pad [deg], positive east.
+    /// Longitude of the pad (deg), positive east.
     #[schemars(range(min = -180.0, max = 180.0))]
     pub longitude_deg: f64,
-    /// Height of the pad above mean sea level [m]. The geoid is taken as the ellipsoid.
+    /// Height of the pad above mean sea level (m). The geoid is taken as the ellipsoid.
     #[schemars(range(min = -450.0, max = 6000.0))]
     pub altitude_m: f64,
-    /// Acceleration of free fall [m/s²].
+    /// Acceleration of free fall (m/s²).
     #[schemars(range(min = 0.0, max = 20.0))]
     pub gravity_m_s2: f64,
-    /// Air pressure at the pad [Pa].
+    /// Air pressure at the pad (Pa).
     #[schemars(range(min = 30000.0, max = 110000.0))]
     pub pressure_pa: f64,
-    /// Air temperature at the pad [K].
+    /// Air temperature at the pad (K).
     #[schemars(range(min = 200.0, max = 340.0))]
     pub temperature_k: f64,
-    /// Air density at the pad [kg/m³], constant over a hop; 0 is no drag.
+    /// Air density at the pad (kg/m³), constant over a hop; 0 is no drag.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub air_density_kg_m3: f64,
     /// Source of the magnetic field.

@@ -14,10 +14,10 @@ use crate::input::Invalid;
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindParameters {
-    /// Mean speed, level [m/s].
+    /// Mean speed, level (m/s).
     #[schemars(range(min = 0.0, max = 60.0))]
     pub mean_speed_m_s: f64,
-    /// Direction the wind comes from, clockwise from north [deg]: 270 is a westerly, blowing east.
+    /// Direction the wind comes from, clockwise from north (deg): 270 is a westerly, blowing east.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub from_deg: f64,
     /// Gusts on top of the mean; they add where they overlap.
@@ -48,21 +48,21 @@ impl WindParameters {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gust {
-    /// Mission time at which it begins, that is since ignition [s].
+    /// Mission time at which it begins, that is since ignition (s).
     #[schemars(range(min = 0.0, max = 3600.0))]
     pub start_s: f64,
-    /// From nothing to the peak [s]; 0 is a step.
+    /// From nothing to the peak (s); 0 is a step.
     #[schemars(range(min = 0.0, max = 600.0))]
     pub rise_s: f64,
-    /// Time at the peak [s].
+    /// Time at the peak (s).
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 3600.0))]
     pub hold_s: f64,
-    /// From the peak to nothing [s]; as long as the rise if absent.
+    /// From the peak to nothing (s); as long as the rise if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 600.0))]
     pub fall_s: Option<f64>,
-    /// Velocity of the air that the gust adds at its peak, NED [m/s].
+    /// Velocity of the air that the gust adds at its peak, NED (m/s).
     #[schemars(inner(range(min = -60.0, max = 60.0)))]
     pub peak_ned_m_s: [f64; 3],
 }
@@ -109,7 +109,7 @@ impl Wind {
         }
     }
 
-    /// Velocity of the air in NED at a mission time, the time since ignition [m/s]. Before ignition the
+    /// Velocity of the air in NED at a mission time, the time since ignition (m/s). Before ignition the
     /// time is negative and there are no gusts.
     pub fn velocity_ned_m_s(&self, mission_time_s: f64) -> Vec3 {
         let mut velocity = self.mean_ned_m_s;

@@ -8,13 +8,13 @@ use std::sync::LazyLock;
 
 use crate::interpolate::{Bracket, UniformCubic, UniformGrid, bracketed_root, table::Table};
 
-/// Gas constant of nitrogen [J/(kg K)], of the equation of state.
+/// Gas constant of nitrogen (J/(kg K)), of the equation of state.
 const GAS_CONSTANT: f64 = 296.803_895_838_717_66;
-/// Pressure at which the tabulated entropy is the entropy [Pa].
+/// Pressure at which the tabulated entropy is the entropy (Pa).
 const NORMAL_PA: f64 = 101_325.0;
 /// Pressures in the table.
 const PRESSURES: usize = 73;
-/// Least pressure that a state has here [Pa]; keeps logarithms and quotients finite.
+/// Least pressure that a state has here (Pa); keeps logarithms and quotients finite.
 const LEAST_PA: f64 = 1.0;
 
 static TABLES: LazyLock<Nitrogen> = LazyLock::new(Nitrogen::read);
@@ -40,13 +40,13 @@ impl Nitrogen {
         Self { grid: UniformGrid::new((first[0], last[0]), (first[1], last[1]), PRESSURES, &rows) }
     }
 
-    /// Density [kg/m³].
+    /// Density (kg/m³).
     pub fn density_kg_m3(&self, pressure_pa: f64, temperature_k: f64) -> f64 {
         let [z, ..] = self.grid.at(temperature_k, pressure_pa).value;
         pressure_pa / (z * GAS_CONSTANT * temperature_k)
     }
 
-    /// Pressure [Pa] of a density: the inverse of [`Self::density_kg_m3`], zero for none.
+    /// Pressure (Pa) of a density: the inverse of [`Self::density_kg_m3`], zero for none.
     pub fn pressure_pa(&self, density_kg_m3: f64, temperature_k: f64) -> f64 {
         let ideal_pa = density_kg_m3 * GAS_CONSTANT * temperature_k;
         if ideal_pa <= 0.0 || ideal_pa.is_nan() {
@@ -73,18 +73,18 @@ impl Nitrogen {
         bracketed_root(bracket, |p| p - ideal_pa * self.grid.at(temperature_k, p).value[0]).x
     }
 
-    /// Specific enthalpy [J/kg].
+    /// Specific enthalpy (J/kg).
     pub fn enthalpy_j_kg(&self, pressure_pa: f64, temperature_k: f64) -> f64 {
         self.grid.at(temperature_k, pressure_pa).value[1]
     }
 
-    /// Specific internal energy [J/kg].
+    /// Specific internal energy (J/kg).
     pub fn internal_energy_j_kg(&self, pressure_pa: f64, temperature_k: f64) -> f64 {
         let [z, h, _] = self.grid.at(temperature_k, pressure_pa).value;
         h - z * GAS_CONSTANT * temperature_k
     }
 
-    /// Specific entropy [J/(kg K)].
+    /// Specific entropy (J/(kg K)).
     pub fn entropy_j_kg_k(&self, pressure_pa: f64, temperature_k: f64) -> f64 {
         let [_, _, s] = self.grid.at(temperature_k, pressure_pa).value;
         s - GAS_CONSTANT * libm::log(pressure_pa.max(LEAST_PA) / NORMAL_PA)
@@ -97,7 +97,7 @@ impl Nitrogen {
 /// to 1e-9.
 #[derive(Clone, Debug)]
 pub struct Isotherm {
-    /// R T [J/kg].
+    /// R T (J/kg).
     rt: f64,
     of_pressure: UniformCubic<1>,
     of_density: UniformCubic<1>,
@@ -125,13 +125,13 @@ impl Isotherm {
         Self { rt, of_pressure, of_density }
     }
 
-    /// Density [kg/m³].
+    /// Density (kg/m³).
     #[inline]
     pub fn density_kg_m3(&self, pressure_pa: f64) -> f64 {
         pressure_pa / (self.of_pressure.at(pressure_pa)[0] * self.rt)
     }
 
-    /// Pressure [Pa].
+    /// Pressure (Pa).
     #[inline]
     pub fn pressure_pa(&self, density_kg_m3: f64) -> f64 {
         density_kg_m3 * self.rt * self.of_density.at(density_kg_m3)[0]

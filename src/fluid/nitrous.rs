@@ -10,11 +10,11 @@ use std::sync::LazyLock;
 
 use crate::interpolate::{Bracket, UniformCubic, UniformGrid, bracketed_root, table::Table};
 
-/// Critical pressure of the equation of state [Pa].
+/// Critical pressure of the equation of state (Pa).
 const CRITICAL_PA: f64 = 7_244_816.701_607_16;
-/// Critical temperature of the equation of state [K].
+/// Critical temperature of the equation of state (K).
 const CRITICAL_K: f64 = 309.520_678_231_462_85;
-/// Greatest pressure of the liquid table [Pa].
+/// Greatest pressure of the liquid table (Pa).
 const TOP_PA: f64 = 85e5;
 /// Pressures in the liquid table.
 const LIQUID_PRESSURES: usize = 13;
@@ -66,17 +66,17 @@ impl Saturation {
         ((entropy_j_kg_k - self.liquid_entropy_j_kg_k) / span).clamp(0.0, 1.0)
     }
 
-    /// Density of the homogeneous mixture [kg/m³].
+    /// Density of the homogeneous mixture (kg/m³).
     pub fn density_kg_m3(&self, quality: f64) -> f64 {
         1.0 / ((1.0 - quality) / self.liquid_density_kg_m3 + quality / self.vapor_density_kg_m3)
     }
 
-    /// Specific entropy of the mixture [J/(kg K)].
+    /// Specific entropy of the mixture (J/(kg K)).
     pub fn entropy_j_kg_k(&self, quality: f64) -> f64 {
         self.liquid_entropy_j_kg_k + quality * (self.vapor_entropy_j_kg_k - self.liquid_entropy_j_kg_k)
     }
 
-    /// Specific enthalpy of the mixture [J/kg].
+    /// Specific enthalpy of the mixture (J/kg).
     pub fn enthalpy_j_kg(&self, quality: f64) -> f64 {
         self.liquid_enthalpy_j_kg + quality * (self.vapor_enthalpy_j_kg - self.liquid_enthalpy_j_kg)
     }
@@ -125,7 +125,7 @@ pub struct Critical {
 }
 
 impl Nitrous {
-    /// Least pressure of the saturation table [Pa].
+    /// Least pressure of the saturation table (Pa).
     pub const LEAST_PA: f64 = 0.88e5;
 
     /// The tables, read at the first use.
@@ -174,7 +174,7 @@ impl Nitrous {
         }
     }
 
-    /// Vapour pressure [Pa] at a temperature.
+    /// Vapour pressure (Pa) at a temperature.
     pub fn vapor_pressure_pa(&self, temperature_k: f64) -> f64 {
         libm::exp(self.log_vapor_pressure.at(theta(temperature_k))[0])
     }
@@ -212,12 +212,12 @@ impl Nitrous {
         self.liquid(pressure_pa, root.x)
     }
 
-    /// Pressure [Pa] at which an isenthalp of the liquid meets the saturation line.
+    /// Pressure (Pa) at which an isenthalp of the liquid meets the saturation line.
     pub fn flash_pressure_pa(&self, enthalpy_j_kg: f64) -> f64 {
         self.bubble_pressure_pa(|line| line.liquid_enthalpy_j_kg - enthalpy_j_kg)
     }
 
-    /// Pressure [Pa] at which an isentrope of the liquid meets the saturation line.
+    /// Pressure (Pa) at which an isentrope of the liquid meets the saturation line.
     pub fn isentropic_flash_pressure_pa(&self, entropy_j_kg_k: f64) -> f64 {
         self.bubble_pressure_pa(|line| line.liquid_entropy_j_kg_k - entropy_j_kg_k)
     }
@@ -235,13 +235,13 @@ impl Nitrous {
         libm::exp(bracketed_root(bracket, |p| excess(&self.saturation(libm::exp(p)))).x)
     }
 
-    /// Homogeneous-equilibrium mass flux [kg/(m² s)] from rest to a pressure along the isentrope.
+    /// Homogeneous-equilibrium mass flux (kg/(m² s)) from rest to a pressure along the isentrope.
     pub fn equilibrium_flux_kg_m2_s(&self, from: &Stagnation, to_pa: f64) -> f64 {
         let (density, drop_j_kg) = self.expanded(from, to_pa);
         density * (2.0 * drop_j_kg.max(0.0)).sqrt()
     }
 
-    /// Density [kg/m³] and drop of enthalpy [J/kg] after an isentropic expansion.
+    /// Density (kg/m³) and drop of enthalpy (J/kg) after an isentropic expansion.
     pub fn expanded(&self, from: &Stagnation, to_pa: f64) -> (f64, f64) {
         let line = self.saturation(to_pa);
         if from.entropy_j_kg_k > line.liquid_entropy_j_kg_k {
@@ -291,7 +291,7 @@ impl Nitrous {
         }
     }
 
-    /// Density [kg/m³], drop of enthalpy [J/kg] and isentropic slope of density [kg/(m³ Pa)] of the
+    /// Density (kg/m³), drop of enthalpy (J/kg) and isentropic slope of density (kg/(m³ Pa)) of the
     /// two-phase mixture on an isentrope.
     fn two_phase_expansion(&self, from: &Stagnation, to_pa: f64) -> (f64, f64, f64) {
         let x = saturation_abscissa(to_pa);

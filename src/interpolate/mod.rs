@@ -3,7 +3,7 @@
 //! * [`UniformCubic`], [`UniformGrid`]: cubic Hermite on uniform nodes, slopes from differences of fourth
 //!   order, so that the error falls with the fourth power of the step. Look-up costs no search.
 //! * [`Monotone`]: shape-preserving cubic on arbitrary knots (Fritsch and Butland).
-//! * [`root`]: bracketed root, safeguarded secant. [`table`]: text to columns.
+//! * [`bracketed_root`]: safeguarded secant. [`table`]: text to columns.
 //!
 //! Outside its nodes every interpolant holds the value of its end.
 

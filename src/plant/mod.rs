@@ -44,14 +44,14 @@ pub const STEP: SimTime = SimTime::from_us(1_000);
 /// The engine controller solves for the valve angle at this interval, and at every new command.
 const ENGINE_CONTROL: SimTime = SimTime::from_us(4_000);
 
-/// The feed's tables are rebuilt when the tank pressure has moved by so much [Pa]: 1e-3 of flow. A rebuild costs
+/// The feed's tables are rebuilt when the tank pressure has moved by so much (Pa): 1e-3 of flow. A rebuild costs
 /// some steps' time, so it waits until something flows.
 const FEED_TOLERANCE_PA: f64 = 10_000.0;
 
 /// Saturation that ended longer ago than this is over.
 const SATURATION_MEMORY: SimTime = SimTime::from_us(1_000_000);
 
-/// A valve that is told to shut and is nearer than this is shut [rad, rad/s]: 2e-9 m2 of open area.
+/// A valve that is told to shut and is nearer than this is shut (rad, rad/s): 2e-9 m2 of open area.
 const SEATED_RAD: f64 = 1e-3;
 const SEATED_RAD_S: f64 = 0.1;
 
@@ -61,7 +61,7 @@ const RCS_OFF: f64 = 1e-6;
 /// Share of the flow below which a dying flame is out.
 const FLICKER: f64 = 0.02;
 
-/// A store that is nearly empty gives what it has within so long [s]: a few steps, so that integration never
+/// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
 /// passes zero.
 const DRAIN_S: f64 = 4e-3;
 
@@ -100,7 +100,7 @@ struct Options {
     ideal_gimbal: bool,
 }
 
-/// Where mass leaves, body FRD [m].
+/// Where mass leaves, body FRD (m).
 #[derive(Clone, Copy, Debug)]
 struct Outlets {
     nozzle: Vec3,
@@ -110,12 +110,12 @@ struct Outlets {
 /// Everything discrete: constant inside a step.
 #[derive(Clone, Debug)]
 struct Held {
-    /// Valve angle and gimbal angles as they reach the servos [rad].
+    /// Valve angle and gimbal angles as they reach the servos (rad).
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
     valve_delay: DelayLine<f64>,
     gimbal_delay: DelayLine<[f64; 2]>,
-    /// Angles behind the play [rad].
+    /// Angles behind the play (rad).
     valve_play_rad: f64,
     gimbal_play_rad: Vector2<f64>,
     /// Openings, 0 shut to 1 open.
@@ -135,7 +135,7 @@ struct Held {
     flame: Flame,
     igniter: bool,
     ignition: Option<SimTime>,
-    /// Fuel flow of the fully burning oxidiser at the last step [kg/s].
+    /// Fuel flow of the fully burning oxidiser at the last step (kg/s).
     full_fuel_kg_s: f64,
     burnt_through: bool,
     nitrous_depleted: bool,
@@ -189,11 +189,11 @@ pub struct Evaluation {
     pub rate: Rate,
     /// Engine.
     pub engine: OperatingPoint,
-    /// Oxidiser valve behind the play [rad].
+    /// Oxidiser valve behind the play (rad).
     pub valve_rad: f64,
-    /// Open area of the oxidiser valve [m²].
+    /// Open area of the oxidiser valve (m²).
     pub valve_area_m2: f64,
-    /// Gimbal behind the play [rad].
+    /// Gimbal behind the play (rad).
     pub gimbal_rad: Vector2<f64>,
     /// Bottle and run tank.
     pub pressurant: NitrogenState,
@@ -203,7 +203,7 @@ pub struct Evaluation {
     pub acceleration: Acceleration,
     /// Legs.
     pub contact: Contact,
-    /// Velocity of the air [m/s].
+    /// Velocity of the air (m/s).
     pub wind_ned_m_s: Vec3,
 }
 
@@ -770,18 +770,21 @@ impl Plant {
             return (motion, [Vector2::zeros(); 2]);
         }
         let servo = &self.vehicle.gimbal_servo;
-        let mut motion = GimbalMotion::default();
-        let mut rates = [Vector2::zeros(); 2];
-        for axis in 0..2 {
+        let axis = |axis: usize| {
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
             let rate = servo.rate(&at, self.held.gimbal_command_rad[axis]);
-            let output = servo.output(&at, &rate, self.held.gimbal_play_rad[axis]);
-            motion.angle_rad[axis] = output.angle_rad;
-            motion.rate_rad_s[axis] = output.rate_rad_s;
-            motion.acceleration_rad_s2[axis] = output.acceleration_rad_s2;
-            rates[0][axis] = rate.rate_rad_s;
-            rates[1][axis] = rate.acceleration_rad_s2;
-        }
+            (servo.output(&at, &rate, self.held.gimbal_play_rad[axis]), rate)
+        };
+        let ((x, x_rate), (y, y_rate)) = (axis(0), axis(1));
+        let motion = GimbalMotion {
+            angle_rad: Vector2::new(x.angle_rad, y.angle_rad),
+            rate_rad_s: Vector2::new(x.rate_rad_s, y.rate_rad_s),
+            acceleration_rad_s2: Vector2::new(x.acceleration_rad_s2, y.acceleration_rad_s2),
+        };
+        let rates = [
+            Vector2::new(x_rate.rate_rad_s, y_rate.rate_rad_s),
+            Vector2::new(x_rate.acceleration_rad_s2, y_rate.acceleration_rad_s2),
+        ];
         (motion, rates)
     }
 
@@ -898,7 +901,7 @@ impl Plant {
         self.held.flame = flame;
     }
 
-    /// Fuel that can still burn: ports that meet leave slivers [kg].
+    /// Fuel that can still burn: ports that meet leave slivers (kg).
     fn usable_fuel_kg(&self, state: &State) -> f64 {
         let grain = &self.vehicle.engine_parameters.grain;
         (self.fuel_kg(state) - grain.fuel_kg(grain.burn_through_radius_m())).max(0.0)
@@ -919,7 +922,7 @@ impl Plant {
         }
     }
 
-    /// Time since ignition [s].
+    /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
         self.held.ignition.map(|ignition| self.time.since(ignition).s())
     }
@@ -939,7 +942,7 @@ impl Plant {
         &self.environment
     }
 
-    /// Height of the pivot above the pad when the full vehicle rests on its legs [m].
+    /// Height of the pivot above the pad when the full vehicle rests on its legs (m).
     pub fn rest_height_m(&self) -> f64 {
         self.rest_height_m
     }

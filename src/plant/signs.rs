@@ -18,9 +18,9 @@ pub struct Row {
     pub command: &'static str,
     /// What the conventions say it does.
     pub convention: &'static str,
-    /// How the vehicle begins to turn against the same flight without the command, body FRD [rad/s²].
+    /// How the vehicle begins to turn against the same flight without the command, body FRD (rad/s²).
     pub angular_acceleration_rad_s2: [f64; 3],
-    /// How its pivot begins to move against the same flight without the command, NED [m/s²].
+    /// How its pivot begins to move against the same flight without the command, NED (m/s²).
     pub acceleration_ned_m_s2: [f64; 3],
     /// Whether the plant does what the conventions say.
     pub agrees: bool,

@@ -10,79 +10,79 @@ use crate::time::SimTime;
 pub struct Snapshot {
     /// Run time.
     pub time: SimTime,
-    /// Gimbal pivot, north-east-down from the pad surface [m].
+    /// Gimbal pivot, north-east-down from the pad surface (m).
     pub position_ned_m: Vec3,
-    /// Velocity of the pivot [m/s].
+    /// Velocity of the pivot (m/s).
     pub velocity_ned_m_s: Vec3,
     /// Attitude.
     pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     pub rate_body_rad_s: Vec3,
-    /// Acceleration of the pivot over ground [m/s²].
+    /// Acceleration of the pivot over ground (m/s²).
     pub acceleration_ned_m_s2: Vec3,
-    /// Specific force at the pivot, body axes [m/s²].
+    /// Specific force at the pivot, body axes (m/s²).
     pub specific_force_body_m_s2: Vec3,
-    /// Pivot above its rest height on full legs [m].
+    /// Pivot above its rest height on full legs (m).
     pub height_m: f64,
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// Centre of mass, liquid at rest and engine at zero gimbal, structural frame [m].
+    /// Centre of mass, liquid at rest and engine at zero gimbal, structural frame (m).
     pub com_structural_m: Vec3,
-    /// Velocity of the centre of mass [m/s].
+    /// Velocity of the centre of mass (m/s).
     pub com_velocity_ned_m_s: Vec3,
-    /// Inertia about that centre of mass, body FRD [kg m²].
+    /// Inertia about that centre of mass, body FRD (kg m²).
     pub inertia_kg_m2: Mat3,
-    /// Liquid nitrous oxide [kg].
+    /// Liquid nitrous oxide (kg).
     pub nitrous_kg: f64,
-    /// Fuel left [kg].
+    /// Fuel left (kg).
     pub fuel_kg: f64,
-    /// Nitrogen in the bottle [kg].
+    /// Nitrogen in the bottle (kg).
     pub nitrogen_bottle_kg: f64,
-    /// Nitrogen in the run tank [kg].
+    /// Nitrogen in the run tank (kg).
     pub nitrogen_ullage_kg: f64,
-    /// Gas in the chamber, with the filling model [kg].
+    /// Gas in the chamber, with the filling model (kg).
     pub chamber_gas_kg: f64,
-    /// Port radius [m].
+    /// Port radius (m).
     pub port_radius_m: f64,
-    /// Throat radius [m].
+    /// Throat radius (m).
     pub throat_radius_m: f64,
-    /// Oxidiser flow [kg/s].
+    /// Oxidiser flow (kg/s).
     pub oxidizer_kg_s: f64,
-    /// Fuel flow [kg/s].
+    /// Fuel flow (kg/s).
     pub fuel_kg_s: f64,
     /// Oxidiser to fuel; 0 without flow.
     pub of_ratio: f64,
-    /// Chamber pressure [Pa].
+    /// Chamber pressure (Pa).
     pub chamber_pa: f64,
-    /// Injector inlet pressure P2 [Pa].
+    /// Injector inlet pressure P2 (Pa).
     pub injector_inlet_pa: f64,
     /// Vapour share at the injector inlet.
     pub quality: f64,
-    /// Run-tank pressure [Pa].
+    /// Run-tank pressure (Pa).
     pub tank_pa: f64,
-    /// Bottle pressure [Pa].
+    /// Bottle pressure (Pa).
     pub bottle_pa: f64,
-    /// Oxidiser valve angle [rad].
+    /// Oxidiser valve angle (rad).
     pub valve_rad: f64,
-    /// Its open area [m²].
+    /// Its open area (m²).
     pub valve_area_m2: f64,
-    /// Thrust asked for [N].
+    /// Thrust asked for (N).
     pub thrust_command_n: f64,
-    /// Thrust [N].
+    /// Thrust (N).
     pub thrust_n: f64,
-    /// Gimbal angles as realised, in the sense of the commands [rad].
+    /// Gimbal angles as realised, in the sense of the commands (rad).
     pub gimbal_rad: [f64; 2],
     /// Thruster pairs as realised, -1 to 1 about FRD z.
     pub rcs_roll: f64,
-    /// Slosh displacement, body FRD x and y [m].
+    /// Slosh displacement, body FRD x and y (m).
     pub slosh_m: [f64; 2],
-    /// Slosh force on the vehicle, body FRD x and y [N].
+    /// Slosh force on the vehicle, body FRD x and y (N).
     pub slosh_force_n: [f64; 2],
-    /// Velocity of the air [m/s].
+    /// Velocity of the air (m/s).
     pub wind_ned_m_s: Vec3,
     /// Pads on the ground.
     pub pads_down: u32,
-    /// Deepest deflection of a leg [m].
+    /// Deepest deflection of a leg (m).
     pub leg_deflection_m: f64,
     /// Something that is no pad touches the ground.
     pub hull_contact: bool,
@@ -90,12 +90,12 @@ pub struct Snapshot {
     pub lit: bool,
     /// The balance of momentum had no solution: the run means nothing any more.
     pub singular: bool,
-    /// Mass that left through nozzle, thrusters and vent [kg].
+    /// Mass that left through nozzle, thrusters and vent (kg).
     pub expelled_kg: [f64; 3],
 }
 
 impl Snapshot {
-    /// Angle between the long axis and the vertical [rad].
+    /// Angle between the long axis and the vertical (rad).
     pub fn tilt_rad(&self) -> f64 {
         tilt_rad(&self.q_ned_from_body)
     }

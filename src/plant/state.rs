@@ -38,51 +38,51 @@ macro_rules! state {
 }
 
 state! {
-    /// Gimbal pivot, north-east-down from the pad surface [m].
+    /// Gimbal pivot, north-east-down from the pad surface (m).
     position_ned_m: Vec3,
-    /// Velocity of the pivot [m/s].
+    /// Velocity of the pivot (m/s).
     velocity_ned_m_s: Vec3,
     /// Attitude, Hamilton; renormalised after each step.
     q_ned_from_body: Quaternion<f64>,
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     rate_body_rad_s: Vec3,
-    /// Sloshing mass against the tank axis, x and y in FRD; z stays 0 [m].
+    /// Sloshing mass against the tank axis, x and y in FRD; z stays 0 (m).
     slosh_m: Vec3,
-    /// Its velocity in the body [m/s].
+    /// Its velocity in the body (m/s).
     slosh_m_s: Vec3,
-    /// Nitrous oxide in the run tank [kg].
+    /// Nitrous oxide in the run tank (kg).
     nitrous_kg: f64,
-    /// Nitrogen in bottle and run tank together [kg].
+    /// Nitrogen in bottle and run tank together (kg).
     nitrogen_kg: f64,
-    /// Port radius [m].
+    /// Port radius (m).
     port_radius_m: f64,
-    /// Throat radius [m].
+    /// Throat radius (m).
     throat_radius_m: f64,
-    /// Oxidiser in the chamber's gas, with the filling model [kg].
+    /// Oxidiser in the chamber's gas, with the filling model (kg).
     chamber_oxidizer_kg: f64,
-    /// Fuel in the chamber's gas, with the filling model [kg].
+    /// Fuel in the chamber's gas, with the filling model (kg).
     chamber_fuel_kg: f64,
     /// Share of the oxidiser that burns, 0 to 1.
     burning_fraction: f64,
-    /// Oxidiser valve angle [rad].
+    /// Oxidiser valve angle (rad).
     valve_rad: f64,
-    /// Its rate [rad/s].
+    /// Its rate (rad/s).
     valve_rad_s: f64,
-    /// Gimbal angles, x and y in the sense of the commands; z stays 0 [rad].
+    /// Gimbal angles, x and y in the sense of the commands; z stays 0 (rad).
     gimbal_rad: Vec3,
-    /// Their rates [rad/s].
+    /// Their rates (rad/s).
     gimbal_rad_s: Vec3,
     /// Thruster pairs' share of full thrust: x pair a, y pair b; z stays 0.
     rcs_level: Vec3,
-    /// Mass that left through the nozzle [kg].
+    /// Mass that left through the nozzle (kg).
     expelled_nozzle_kg: f64,
-    /// Nitrogen that left through the thrusters [kg].
+    /// Nitrogen that left through the thrusters (kg).
     expelled_rcs_kg: f64,
-    /// Nitrogen that left through the vent [kg].
+    /// Nitrogen that left through the vent (kg).
     expelled_vent_kg: f64,
-    /// Integral of the specific force at the inertial unit, body axes [m/s].
+    /// Integral of the specific force at the inertial unit, body axes (m/s).
     imu_velocity_body_m_s: Vec3,
-    /// Integral of the body rate [rad].
+    /// Integral of the body rate (rad).
     imu_angle_body_rad: Vec3,
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::combustion::{CombustionMap, Mixture};
 use super::nozzle::{ChamberPressure, PerfectGas, Throat};
 
-/// Universal gas constant [J/(mol K)].
+/// Universal gas constant (J/(mol K)).
 const UNIVERSAL_GAS: f64 = 8.314_462_618;
 /// Passes of the fixed point in Pc; each gains two to three digits, four are usual.
 const PASSES: usize = 12;
@@ -24,7 +24,7 @@ const SURELY_CHOKED: f64 = 2.1;
 pub struct Chamber {
     /// Whether the chamber's gas is a state.
     pub model: ChamberModel,
-    /// Volume before and behind the grain [m³]; that of the port is added.
+    /// Volume before and behind the grain (m³); that of the port is added.
     #[schemars(range(min = 1e-6, max = 1.0))]
     pub dead_volume_m3: f64,
     /// Efficiency of c*, on pressure and thrust.
@@ -63,7 +63,7 @@ pub struct ChamberGasRate {
 /// Gas that does not burn, from the measured c* of cold flow.
 #[derive(Clone, Copy, Debug)]
 pub struct ColdGas {
-    /// Characteristic velocity [m/s].
+    /// Characteristic velocity (m/s).
     pub c_star_m_s: f64,
 }
 
@@ -71,7 +71,7 @@ pub struct ColdGas {
 const COLD_GAMMA: f64 = 1.28;
 
 impl ColdGas {
-    /// R T [J/kg] that belongs to c*: c* = sqrt(R T)/Γ, Γ² = γ (2/(γ+1))^((γ+1)/(γ-1)).
+    /// R T (J/kg) that belongs to c*: c* = sqrt(R T)/Γ, Γ² = γ (2/(γ+1))^((γ+1)/(γ-1)).
     pub fn gas_constant_temperature_j_kg(&self) -> f64 {
         let g = COLD_GAMMA;
         let vandenkerckhove2 = g * libm::pow(2.0 / (g + 1.0), (g + 1.0) / (g - 1.0));
@@ -79,7 +79,7 @@ impl ColdGas {
     }
 }
 
-/// Steady chamber pressure for a mixture, from `choked_per_c_star` = ṁ η/(A_t C_d) [Pa s/m].
+/// Steady chamber pressure for a mixture, from `choked_per_c_star` = ṁ η/(A_t C_d) (Pa s/m).
 ///
 /// `log_guess` is ln(Pc/P_ref) near the answer.
 #[inline]
@@ -139,16 +139,16 @@ fn near_ambient(
 /// Pressure and nozzle flow of a chamber that holds some gas.
 #[derive(Clone, Copy, Debug)]
 pub struct HeldGas {
-    /// Chamber pressure [Pa].
+    /// Chamber pressure (Pa).
     pub pressure: ChamberPressure,
-    /// Flow through the nozzle [kg/s].
+    /// Flow through the nozzle (kg/s).
     pub nozzle_kg_s: f64,
 }
 
 /// Geometry and efficiency that the filling model needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Vessel {
-    /// Volume of gas [m³].
+    /// Volume of gas (m³).
     pub volume_m3: f64,
     /// Efficiency of c*.
     pub c_star_efficiency: f64,

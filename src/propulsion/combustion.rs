@@ -18,7 +18,7 @@ use crate::interpolate::{
 pub struct Map {
     /// Table of the map, beside the vehicle file.
     pub file: String,
-    /// Pressure at which the table's first columns hold [Pa].
+    /// Pressure at which the table's first columns hold (Pa).
     #[schemars(range(min = 1e4, max = 1e8))]
     pub reference_pressure_pa: f64,
 }
@@ -116,24 +116,24 @@ impl CombustionMap {
 }
 
 impl Mixture<'_> {
-    /// Ideal characteristic velocity [m/s] at ln(P/P_ref).
+    /// Ideal characteristic velocity (m/s) at ln(P/P_ref).
     #[inline]
     pub fn c_star_m_s(&self, log_pressure: f64) -> f64 {
         self.c_star[0] + self.c_star[1] * bounded(log_pressure)
     }
 
-    /// Ideal vacuum specific impulse [s] at ln(P/P_ref).
+    /// Ideal vacuum specific impulse (s) at ln(P/P_ref).
     #[inline]
     pub fn vacuum_isp_s(&self, log_pressure: f64) -> f64 {
         self.at(SPECIFIC_IMPULSE, log_pressure)
     }
 
-    /// Flame temperature [K] at ln(P/P_ref).
+    /// Flame temperature (K) at ln(P/P_ref).
     pub fn temperature_k(&self, log_pressure: f64) -> f64 {
         self.at(TEMPERATURE, log_pressure)
     }
 
-    /// Molar mass [kg/mol] at ln(P/P_ref).
+    /// Molar mass (kg/mol) at ln(P/P_ref).
     pub fn molar_mass_kg_mol(&self, log_pressure: f64) -> f64 {
         1e-3 * self.at(MOLAR_MASS, log_pressure) // g -> kg
     }

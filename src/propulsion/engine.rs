@@ -50,17 +50,17 @@ pub struct Engine {
 /// What the engine's answer depends on beside tank and valve.
 #[derive(Clone, Copy, Debug)]
 pub struct EngineCondition {
-    /// Radius of the ports [m].
+    /// Radius of the ports (m).
     pub port_radius_m: f64,
-    /// Radius of the throat [m].
+    /// Radius of the throat (m).
     pub throat_radius_m: f64,
     /// Share of the oxidiser that burns at the steady O/F, 0..1.
     pub burning_fraction: f64,
-    /// Ambient pressure [Pa].
+    /// Ambient pressure (Pa).
     pub ambient_pa: f64,
     /// Gas in the chamber, when that is a state; `None` is quasi-steady.
     pub chamber_gas: Option<ChamberGas>,
-    /// Flow that the tank's outlet can give [kg/s]; infinite but in a depletion's tail.
+    /// Flow that the tank's outlet can give (kg/s); infinite but in a depletion's tail.
     pub oxidizer_flow_limit_kg_s: f64,
 }
 
@@ -68,9 +68,9 @@ pub struct EngineCondition {
 /// the solver's tolerance only.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guess {
-    /// P2 [Pa].
+    /// P2 (Pa).
     pub injector_inlet_pa: f64,
-    /// Slope of the flow balance there [kg/(s Pa)].
+    /// Slope of the flow balance there (kg/(s Pa)).
     pub slope_kg_s_pa: f64,
     /// ln(Pc/P_ref).
     pub log_chamber_pressure: f64,
@@ -79,27 +79,27 @@ pub struct Guess {
 /// The engine's answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OperatingPoint {
-    /// Oxidiser through valve and injector [kg/s].
+    /// Oxidiser through valve and injector (kg/s).
     pub oxidizer_kg_s: f64,
-    /// Fuel off the grain [kg/s].
+    /// Fuel off the grain (kg/s).
     pub fuel_kg_s: f64,
-    /// Flow out of the nozzle [kg/s].
+    /// Flow out of the nozzle (kg/s).
     pub nozzle_kg_s: f64,
     /// Oxidiser over fuel, of the flow, or of the chamber's gas when that is a state; 0 without fuel.
     pub of_ratio: f64,
-    /// Chamber pressure [Pa].
+    /// Chamber pressure (Pa).
     pub chamber_pa: f64,
-    /// Pressure between valve and injector, P2 [Pa].
+    /// Pressure between valve and injector, P2 (Pa).
     pub injector_inlet_pa: f64,
     /// Vapour mass fraction there.
     pub quality: f64,
-    /// Thrust [N], never negative.
+    /// Thrust (N), never negative.
     pub thrust_n: f64,
-    /// Thrust over weight flow of the nozzle [s]; 0 without flow.
+    /// Thrust over weight flow of the nozzle (s); 0 without flow.
     pub isp_s: f64,
-    /// Growth of the port radius [m/s].
+    /// Growth of the port radius (m/s).
     pub regression_rate_m_s: f64,
-    /// Growth of the throat radius [m/s].
+    /// Growth of the throat radius (m/s).
     pub throat_erosion_m_s: f64,
     /// Rate of the chamber's gas; zero when quasi-steady.
     pub chamber_gas_rate: ChamberGasRate,
@@ -114,7 +114,7 @@ pub struct OperatingPoint {
 /// Accuracy of P2, relative to the tank's pressure: 6.5 mPa in 65 bar, 1e-6 N of thrust at most.
 pub(super) const INLET_TOLERANCE: f64 = 1e-9;
 
-/// Ambient pressure at which a map is checked [Pa].
+/// Ambient pressure at which a map is checked (Pa).
 const STANDARD_AMBIENT_PA: f64 = 101_325.0;
 
 /// Quantities of one condition that every trial of the root shares.

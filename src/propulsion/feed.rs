@@ -7,31 +7,31 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tank {
-    /// Pressure at the start [Pa].
+    /// Pressure at the start (Pa).
     #[schemars(range(min = 2e5, max = 80e5))]
     pub pressure_pa: f64,
-    /// Temperature of liquid and ullage [K].
+    /// Temperature of liquid and ullage (K).
     #[schemars(range(min = 240.0, max = 306.0))]
     pub temperature_k: f64,
-    /// Inner radius; the tank is a flat-ended cylinder [m].
+    /// Inner radius; the tank is a flat-ended cylinder (m).
     #[schemars(range(min = 0.01, max = 2.0))]
     pub radius_m: f64,
-    /// Inner length [m].
+    /// Inner length (m).
     #[schemars(range(min = 0.02, max = 10.0))]
     pub length_m: f64,
-    /// Height of the floor above the gimbal pivot [m].
+    /// Height of the floor above the gimbal pivot (m).
     #[schemars(range(min = -10.0, max = 10.0))]
     pub floor_z_m: f64,
     /// Share of the volume that is gas at the start.
     #[schemars(range(min = 0.01, max = 0.99))]
     pub ullage_fraction: f64,
-    /// Liquid below which the outlet draws gas [kg].
+    /// Liquid below which the outlet draws gas (kg).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub unusable_nitrous_kg: f64,
 }
 
 impl Tank {
-    /// Inner volume [m³].
+    /// Inner volume (m³).
     pub fn volume_m3(&self) -> f64 {
         core::f64::consts::PI * self.radius_m * self.radius_m * self.length_m
     }
@@ -41,12 +41,12 @@ impl Tank {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Manifold {
-    /// Volume between valve and injector [m³].
+    /// Volume between valve and injector (m³).
     #[schemars(range(min = 1e-7, max = 0.1))]
     pub volume_m3: f64,
     /// Whether the pressure P2 is a state.
     pub model: ManifoldModel,
-    /// Lag of P2 below which it is taken as quasi-steady [s].
+    /// Lag of P2 below which it is taken as quasi-steady (s).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub quasi_steady_below_s: f64,
 }
@@ -65,10 +65,10 @@ pub enum ManifoldModel {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Isolation {
-    /// Time from shut to open; the area is linear in time [s].
+    /// Time from shut to open; the area is linear in time (s).
     #[schemars(range(min = 0.0, max = 120.0))]
     pub stroke_time_s: f64,
-    /// Area when open [m²]; larger than the throttle valve's, then it costs nothing.
+    /// Area when open (m²); larger than the throttle valve's, then it costs nothing.
     #[schemars(range(min = 1e-7, max = 0.1))]
     pub area_m2: f64,
     /// Where the valve goes without power.
@@ -76,7 +76,7 @@ pub struct Isolation {
 }
 
 impl Isolation {
-    /// Area of the throttle valve that is left behind this valve, `opened` 0..1 [m²]: the lesser of both.
+    /// Area of the throttle valve that is left behind this valve, `opened` 0..1 (m²): the lesser of both.
     pub fn limited_area_m2(&self, throttle_area_m2: f64, opened: f64) -> f64 {
         throttle_area_m2.min(self.area_m2 * opened.clamp(0.0, 1.0))
     }
@@ -86,10 +86,10 @@ impl Isolation {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Vent {
-    /// Time from shut to open; the area is linear in time [s].
+    /// Time from shut to open; the area is linear in time (s).
     #[schemars(range(min = 0.0, max = 120.0))]
     pub stroke_time_s: f64,
-    /// Area when open [m²].
+    /// Area when open (m²).
     #[schemars(range(min = 1e-9, max = 0.01))]
     pub area_m2: f64,
     /// Discharge coefficient.
@@ -102,16 +102,16 @@ pub struct Vent {
 /// Gas in front of the vent.
 #[derive(Clone, Copy, Debug)]
 pub struct VentedGas {
-    /// Pressure [Pa].
+    /// Pressure (Pa).
     pub pressure_pa: f64,
-    /// Density [kg/m³].
+    /// Density (kg/m³).
     pub density_kg_m3: f64,
-    /// Ambient pressure [Pa].
+    /// Ambient pressure (Pa).
     pub ambient_pa: f64,
 }
 
 impl Vent {
-    /// Flow of nitrogen [kg/s], `opened` 0..1. Perfect-gas orifice, γ = 1.4, with the real density.
+    /// Flow of nitrogen (kg/s), `opened` 0..1. Perfect-gas orifice, γ = 1.4, with the real density.
     pub fn flow_kg_s(&self, gas: &VentedGas, opened: f64) -> f64 {
         const GAMMA: f64 = 1.4;
         const CRITICAL: f64 = 0.528_281_787_717_174_2; // (2/(γ+1))^(γ/(γ-1))

@@ -17,11 +17,11 @@ pub struct Inlet {
     pub state: Stagnation,
     /// Vapour mass fraction.
     pub quality: f64,
-    /// Pressure below which the injector's equilibrium flux is choked [Pa].
+    /// Pressure below which the injector's equilibrium flux is choked (Pa).
     pub critical_pa: f64,
-    /// That flux [kg/(m² s)].
+    /// That flux (kg/(m² s)).
     pub critical_flux_kg_m2_s: f64,
-    /// Flux through the valve into this pressure [kg/(m² s)].
+    /// Flux through the valve into this pressure (kg/(m² s)).
     pub valve_flux_kg_m2_s: f64,
 }
 
@@ -44,9 +44,9 @@ const PIECES: usize = 6;
 /// Nodes of a piece: the flashing side spans two decades of pressure, the liquid side is nearly straight.
 const FLASHING_NODES: usize = 97;
 const LIQUID_NODES: usize = 25;
-/// Not a kink: below it the properties bend faster, so the table is finer there [Pa].
+/// Not a kink: below it the properties bend faster, so the table is finer there (Pa).
 const FINER_BELOW_PA: f64 = 6e5;
-/// Kinks closer than this are one [Pa].
+/// Kinks closer than this are one (Pa).
 const SAME_PA: f64 = 2.0;
 
 /// One smooth piece of the table.
@@ -166,17 +166,17 @@ impl FeedMap {
         &self.tank
     }
 
-    /// Temperature of the liquid in the tank [K].
+    /// Temperature of the liquid in the tank (K).
     pub fn tank_temperature_k(&self) -> f64 {
         self.tank_temperature_k
     }
 
-    /// Pressure at which the isenthalp from the tank begins to boil [Pa].
+    /// Pressure at which the isenthalp from the tank begins to boil (Pa).
     pub fn flash_pa(&self) -> f64 {
         self.flash_pa
     }
 
-    /// Pressure below which the valve's equilibrium flux is choked [Pa].
+    /// Pressure below which the valve's equilibrium flux is choked (Pa).
     pub fn valve_critical_pa(&self) -> f64 {
         self.valve_critical_pa
     }
@@ -222,7 +222,7 @@ impl FeedMap {
         }
     }
 
-    /// Flux of the injector [kg/(m² s)] from an inlet state into the chamber.
+    /// Flux of the injector (kg/(m² s)) from an inlet state into the chamber.
     #[inline]
     pub fn injector_flux_kg_m2_s(&self, inlet: &Inlet, chamber_pa: f64) -> f64 {
         let pressures = OrificePressures {

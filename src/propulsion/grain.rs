@@ -21,25 +21,25 @@ pub struct Grain {
     /// n in dR/dt = a G^n.
     #[schemars(range(min = 0.1, max = 0.95))]
     pub regression_exponent: f64,
-    /// Density of the fuel [kg/m³].
+    /// Density of the fuel (kg/m³).
     #[schemars(range(min = 100.0, max = 3000.0))]
     pub fuel_density_kg_m3: f64,
     /// Number of equal ports.
     #[schemars(range(min = 1, max = 50))]
     pub port_count: u32,
-    /// Initial radius of a port [m].
+    /// Initial radius of a port (m).
     #[schemars(range(min = 1e-3, max = 0.5))]
     pub port_radius_m: f64,
-    /// Outer radius of the grain [m].
+    /// Outer radius of the grain (m).
     #[schemars(range(min = 2e-3, max = 1.0))]
     pub outer_radius_m: f64,
-    /// Length of the grain [m].
+    /// Length of the grain (m).
     #[schemars(range(min = 0.01, max = 5.0))]
     pub length_m: f64,
-    /// Height of the fore end above the gimbal pivot [m].
+    /// Height of the fore end above the gimbal pivot (m).
     #[schemars(range(min = -10.0, max = 10.0))]
     pub top_z_m: f64,
-    /// First-order lag of the fuel flow [s]; 0 is none.
+    /// First-order lag of the fuel flow (s); 0 is none.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub fuel_flow_lag_s: f64,
 }
@@ -56,7 +56,7 @@ impl Grain {
         Ok(())
     }
 
-    /// Port radius at which no web is left [m]: the outer radius for one port. N ports stand on a circle
+    /// Port radius at which no web is left (m): the outer radius for one port. N ports stand on a circle
     /// midway between axis and wall and meet their neighbours at Ro/2 sin(π/N); what is left then are slivers.
     pub fn burn_through_radius_m(&self) -> f64 {
         match self.port_count {
@@ -65,7 +65,7 @@ impl Grain {
         }
     }
 
-    /// Fuel left [kg], Eq (6R): ρ L (π Ro² - N π R²).
+    /// Fuel left (kg), Eq (6R): ρ L (π Ro² - N π R²).
     pub fn fuel_kg(&self, port_radius_m: f64) -> f64 {
         let ports = f64::from(self.port_count);
         let area_m2 =
@@ -73,19 +73,19 @@ impl Grain {
         self.fuel_density_kg_m3 * self.length_m * area_m2.max(0.0)
     }
 
-    /// Port radius [m] at which this much fuel is left: the inverse of [`Self::fuel_kg`].
+    /// Port radius (m) at which this much fuel is left: the inverse of [`Self::fuel_kg`].
     pub fn port_radius_of_fuel_m(&self, fuel_kg: f64) -> f64 {
         let area_m2 = fuel_kg / (self.fuel_density_kg_m3 * self.length_m * PI);
         let ports = f64::from(self.port_count);
         ((self.outer_radius_m * self.outer_radius_m - area_m2).max(0.0) / ports).sqrt()
     }
 
-    /// Volume of the ports [m³].
+    /// Volume of the ports (m³).
     pub fn port_volume_m3(&self, port_radius_m: f64) -> f64 {
         PI * f64::from(self.port_count) * port_radius_m * port_radius_m * self.length_m
     }
 
-    /// Burning surface times density [kg/m]: fuel flow per rate of regression.
+    /// Burning surface times density (kg/m): fuel flow per rate of regression.
     pub fn fuel_per_regression_kg_m(&self, port_radius_m: f64) -> f64 {
         2.0 * PI * f64::from(self.port_count) * port_radius_m * self.length_m * self.fuel_density_kg_m3
     }
@@ -99,7 +99,7 @@ impl Grain {
         self.fuel_per_regression_kg_m(port_radius_m) * regression
     }
 
-    /// Rate of regression [m/s] under an oxidiser flow, Eq 3.
+    /// Rate of regression (m/s) under an oxidiser flow, Eq 3.
     pub fn regression_rate_m_s(&self, oxidizer_kg_s: f64, port_radius_m: f64) -> f64 {
         let area_m2 = PI * f64::from(self.port_count) * port_radius_m * port_radius_m;
         self.regression_coefficient_si * libm::pow(oxidizer_kg_s.max(0.0) / area_m2, self.regression_exponent)

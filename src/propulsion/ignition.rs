@@ -13,22 +13,22 @@ use crate::time::SimTime;
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ignition {
-    /// Igniter command to flame, with oxidiser flowing [s].
+    /// Igniter command to flame, with oxidiser flowing (s).
     #[schemars(range(min = 0.0, max = 20.0))]
     pub igniter_delay_s: f64,
-    /// Time the igniter's flame can light the grain [s].
+    /// Time the igniter's flame can light the grain (s).
     #[schemars(range(min = 0.0, max = 600.0))]
     pub igniter_burn_s: f64,
-    /// Oxidiser flow below which nothing lights [kg/s].
+    /// Oxidiser flow below which nothing lights (kg/s).
     #[schemars(range(min = 0.0, max = 10.0))]
     pub minimum_oxidizer_flow_kg_s: f64,
-    /// Lag of the burning fraction after the flame [s].
+    /// Lag of the burning fraction after the flame (s).
     #[schemars(range(min = 1e-3, max = 10.0))]
     pub rise_time_constant_s: f64,
-    /// Chamber pressure under which a lit engine goes out [Pa].
+    /// Chamber pressure under which a lit engine goes out (Pa).
     #[schemars(range(min = 0.0, max = 1e8))]
     pub extinction_pressure_pa: f64,
-    /// Time it must stay under that pressure [s].
+    /// Time it must stay under that pressure (s).
     #[schemars(range(min = 0.0, max = 10.0))]
     pub extinction_time_s: f64,
     /// A lit engine commanded between shut-down and the least thrust.
@@ -38,10 +38,10 @@ pub struct Ignition {
     pub shutdown_fraction: f64,
     /// Whether it may be lit again.
     pub relight: bool,
-    /// Specific impulse of unlit nitrous flow [s].
+    /// Specific impulse of unlit nitrous flow (s).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub cold_flow_isp_s: f64,
-    /// Characteristic velocity of unlit nitrous flow [m/s].
+    /// Characteristic velocity of unlit nitrous flow (m/s).
     #[schemars(range(min = 50.0, max = 1000.0))]
     pub cold_flow_c_star_m_s: f64,
 }
@@ -60,7 +60,7 @@ pub enum BelowMinimum {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Depletion {
-    /// Decay of the thrust once the liquid is gone or the grain burnt through [s].
+    /// Decay of the thrust once the liquid is gone or the grain burnt through (s).
     #[schemars(range(min = 1e-3, max = 30.0))]
     pub tail_time_constant_s: f64,
 }
@@ -85,9 +85,9 @@ pub struct FlameConditions {
     pub time: SimTime,
     /// Whether the igniter is commanded.
     pub igniter: bool,
-    /// Oxidiser flow [kg/s].
+    /// Oxidiser flow (kg/s).
     pub oxidizer_kg_s: f64,
-    /// Chamber pressure [Pa].
+    /// Chamber pressure (Pa).
     pub chamber_pa: f64,
     /// Whether fuel is left.
     pub fuel_left: bool,
@@ -126,7 +126,7 @@ impl Ignition {
         next
     }
 
-    /// Rate of the burning fraction [1/s]: rises toward 1 while lit; falls with the depletion's tail when the
+    /// Rate of the burning fraction (1/s): rises toward 1 while lit; falls with the depletion's tail when the
     /// grain is gone. The fraction itself is set to zero by whoever sees the flame go out otherwise.
     pub fn burning_rate_1_s(&self, burning_fraction: f64, lit: bool, depletion: &Depletion) -> f64 {
         if lit {

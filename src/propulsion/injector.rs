@@ -18,7 +18,7 @@ pub struct Injector {
     /// Number of equal holes.
     #[schemars(range(min = 1, max = 1000))]
     pub hole_count: u32,
-    /// Diameter of a hole [m].
+    /// Diameter of a hole (m).
     #[schemars(range(min = 1e-4, max = 0.01))]
     pub hole_diameter_m: f64,
     /// Discharge coefficient, of the holes' area.
@@ -27,7 +27,7 @@ pub struct Injector {
 }
 
 impl Injector {
-    /// Effective area, discharge coefficient included [m²].
+    /// Effective area, discharge coefficient included (m²).
     pub fn effective_area_m2(&self) -> f64 {
         let hole_m2 = 0.25 * core::f64::consts::PI * self.hole_diameter_m * self.hole_diameter_m;
         self.discharge_coefficient * f64::from(self.hole_count) * hole_m2
@@ -37,15 +37,15 @@ impl Injector {
 /// Pressures that decide how SPI and HEM are weighed.
 #[derive(Clone, Copy, Debug)]
 pub struct OrificePressures {
-    /// Upstream [Pa].
+    /// Upstream (Pa).
     pub upstream_pa: f64,
-    /// Downstream [Pa].
+    /// Downstream (Pa).
     pub downstream_pa: f64,
-    /// Vapour pressure upstream [Pa]; the upstream pressure itself when that is two-phase.
+    /// Vapour pressure upstream (Pa); the upstream pressure itself when that is two-phase.
     pub vapor_pa: f64,
 }
 
-/// Flux [kg/(m² s)] through an orifice. `equilibrium_flux` is asked only when something boils.
+/// Flux (kg/(m² s)) through an orifice. `equilibrium_flux` is asked only when something boils.
 #[inline]
 pub fn flashing_flux_kg_m2_s(
     pressures: OrificePressures,

@@ -10,9 +10,9 @@ use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 /// Answer of the inverse problem.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inverse {
-    /// Angle of the valve [rad].
+    /// Angle of the valve (rad).
     pub valve_rad: f64,
-    /// Open area at that angle [m²].
+    /// Open area at that angle (m²).
     pub valve_area_m2: f64,
     /// What the engine does there, quasi-steady.
     pub point: OperatingPoint,
@@ -20,7 +20,7 @@ pub struct Inverse {
     pub saturated: bool,
 }
 
-/// Accuracy of the oxidiser flow [kg/s]: 2.5e-6 N.
+/// Accuracy of the oxidiser flow (kg/s): 2.5e-6 N.
 const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 
 impl Engine {
@@ -67,7 +67,7 @@ impl Engine {
 }
 
 impl Setting<'_> {
-    /// Valve area [m²] and P2 [Pa] that pass a flow; `None` when the injector cannot at the tank's pressure.
+    /// Valve area (m²) and P2 (Pa) that pass a flow; `None` when the injector cannot at the tank's pressure.
     fn inlet_of_flow(
         &self,
         feed: &FeedMap,

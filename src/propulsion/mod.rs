@@ -81,13 +81,13 @@ pub struct FeedParameters {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PaperMode {
-    /// Least oxidiser flow of a thrust demand [kg/s].
+    /// Least oxidiser flow of a thrust demand (kg/s).
     #[schemars(range(min = 1e-6, max = 100.0))]
     pub oxidizer_flow_min_kg_s: f64,
-    /// Greatest oxidiser flow of a thrust demand [kg/s].
+    /// Greatest oxidiser flow of a thrust demand (kg/s).
     #[schemars(range(min = 1e-5, max = 100.0))]
     pub oxidizer_flow_max_kg_s: f64,
-    /// Step of the explicit Euler scheme [s].
+    /// Step of the explicit Euler scheme (s).
     #[schemars(range(min = 1e-4, max = 1.0))]
     pub step_s: f64,
     /// Points of the flow sweep.

@@ -14,14 +14,14 @@ use serde::{Deserialize, Serialize};
 use super::combustion::Mixture;
 use crate::interpolate::{Bracket, bracketed_root};
 
-/// Standard gravity [m/s²], that turns specific impulse into velocity.
+/// Standard gravity (m/s²), that turns specific impulse into velocity.
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
 
 /// Nozzle: the `[engine.nozzle]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Nozzle {
-    /// Initial diameter of the throat [m].
+    /// Initial diameter of the throat (m).
     #[schemars(range(min = 1e-3, max = 0.5))]
     pub throat_diameter_m: f64,
     /// Exit area over initial throat area; the exit stays as the throat grows.
@@ -35,16 +35,16 @@ pub struct Nozzle {
     pub thrust_efficiency: f64,
     /// Where the jet leaves the wall.
     pub separation_rule: SeparationRule,
-    /// Growth of the throat's radius at `erosion_pressure_pa` [m/s].
+    /// Growth of the throat's radius at `erosion_pressure_pa` (m/s).
     #[schemars(range(min = 0.0, max = 1e-2))]
     pub erosion_rate_m_s: f64,
-    /// Chamber pressure at which `erosion_rate_m_s` holds [Pa].
+    /// Chamber pressure at which `erosion_rate_m_s` holds (Pa).
     #[schemars(range(min = 1e4, max = 1e8))]
     pub erosion_pressure_pa: f64,
     /// Exponent of the chamber pressure in the growth.
     #[schemars(range(min = 0.0, max = 3.0))]
     pub erosion_exponent: f64,
-    /// Height of the exit plane above the gimbal pivot [m].
+    /// Height of the exit plane above the gimbal pivot (m).
     #[schemars(range(min = -10.0, max = 10.0))]
     pub exit_z_m: f64,
 }
@@ -71,23 +71,23 @@ pub enum NozzleFlow {
 }
 
 impl Nozzle {
-    /// Initial radius of the throat [m].
+    /// Initial radius of the throat (m).
     pub fn throat_radius_m(&self) -> f64 {
         0.5 * self.throat_diameter_m
     }
 
-    /// Exit area [m²].
+    /// Exit area (m²).
     pub fn exit_area_m2(&self) -> f64 {
         let radius_m = self.throat_radius_m();
         self.expansion_ratio * PI * radius_m * radius_m
     }
 
-    /// Throat radius at which the nozzle has become a straight pipe [m]; erosion stops there.
+    /// Throat radius at which the nozzle has become a straight pipe (m); erosion stops there.
     pub fn greatest_throat_radius_m(&self) -> f64 {
         self.throat_radius_m() * self.expansion_ratio.sqrt()
     }
 
-    /// Thrust [N] and state of the flow at a chamber pressure. `combustion_efficiency` is that of c*.
+    /// Thrust (N) and state of the flow at a chamber pressure. `combustion_efficiency` is that of c*.
     pub fn thrust(
         &self,
         throat: &Throat,
@@ -129,7 +129,7 @@ impl Nozzle {
         ((onset_n * share).max(0.0), flow)
     }
 
-    /// Growth of the throat's radius [m/s] at ln(Pc/`erosion_pressure_pa`).
+    /// Growth of the throat's radius (m/s) at ln(Pc/`erosion_pressure_pa`).
     pub fn erosion_m_s(&self, log_pressure_ratio: f64) -> f64 {
         self.erosion_rate_m_s * libm::exp(self.erosion_exponent * log_pressure_ratio)
     }
@@ -151,11 +151,11 @@ impl Nozzle {
 /// Throat and surroundings of one evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Throat {
-    /// Throat area [m²].
+    /// Throat area (m²).
     pub area_m2: f64,
-    /// Exit area [m²].
+    /// Exit area (m²).
     pub exit_area_m2: f64,
-    /// Ambient pressure [Pa].
+    /// Ambient pressure (Pa).
     pub ambient_pa: f64,
     /// Pc/pa from which on the nozzle surely flows full; infinite when that is not known.
     pub full_above: f64,
@@ -164,7 +164,7 @@ pub struct Throat {
 /// A chamber pressure with its logarithm, which costs as much as the rest.
 #[derive(Clone, Copy, Debug)]
 pub struct ChamberPressure {
-    /// Pressure [Pa].
+    /// Pressure (Pa).
     pub pa: f64,
     /// ln(P/P_ref) of the map.
     pub log: f64,

@@ -26,27 +26,27 @@ pub struct Pressurant {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bottle {
-    /// Inner volume [m³].
+    /// Inner volume (m³).
     #[schemars(range(min = 1e-4, max = 1.0))]
     pub volume_m3: f64,
-    /// Radius of the gas as a cylinder [m].
+    /// Radius of the gas as a cylinder (m).
     #[schemars(range(min = 0.01, max = 1.0))]
     pub radius_m: f64,
-    /// Height of its centre above the gimbal pivot [m].
+    /// Height of its centre above the gimbal pivot (m).
     #[schemars(range(min = -10.0, max = 10.0))]
     pub centre_z_m: f64,
-    /// Pressure at the start [Pa].
+    /// Pressure at the start (Pa).
     #[schemars(range(min = 1e5, max = 350e5))]
     pub pressure_pa: f64,
-    /// Temperature at the start [K].
+    /// Temperature at the start (K).
     #[schemars(range(min = 200.0, max = 330.0))]
     pub temperature_k: f64,
     /// How the gas takes its expansion.
     pub model: BottleModel,
-    /// Conductance from gas to wall [W/K]; `energy_balance` only.
+    /// Conductance from gas to wall (W/K); `energy_balance` only.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub wall_conductance_w_k: f64,
-    /// Heat capacity of the wall [J/K]; `energy_balance` only.
+    /// Heat capacity of the wall (J/K); `energy_balance` only.
     #[schemars(range(min = 1.0, max = 1e6))]
     pub wall_heat_capacity_j_k: f64,
 }
@@ -65,16 +65,16 @@ pub enum BottleModel {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Regulator {
-    /// Outlet pressure [Pa].
+    /// Outlet pressure (Pa).
     #[schemars(range(min = 2e5, max = 80e5))]
     pub set_pressure_pa: f64,
-    /// Fall of the outlet per flow of nitrogen [Pa s/kg].
+    /// Fall of the outlet per flow of nitrogen (Pa s/kg).
     #[schemars(range(min = 0.0, max = 1e8))]
     pub droop_pa_s_kg: f64,
-    /// Rise of the outlet without flow [Pa].
+    /// Rise of the outlet without flow (Pa).
     #[schemars(range(min = 0.0, max = 10e5))]
     pub lockup_pa: f64,
-    /// What the bottle must have above the outlet for the regulator to work [Pa].
+    /// What the bottle must have above the outlet for the regulator to work (Pa).
     #[schemars(range(min = 0.0, max = 100e5))]
     pub minimum_drop_pa: f64,
 }
@@ -91,31 +91,31 @@ pub struct PressurantGas {
 /// What the nitrogen's distribution depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct NitrogenInventory {
-    /// All nitrogen, bottle and tank [kg].
+    /// All nitrogen, bottle and tank (kg).
     pub total_kg: f64,
-    /// Volume above the liquid in the run tank [m³].
+    /// Volume above the liquid in the run tank (m³).
     pub ullage_m3: f64,
-    /// Ambient pressure, below which the tank does not fall [Pa].
+    /// Ambient pressure, below which the tank does not fall (Pa).
     pub ambient_pa: f64,
 }
 
 /// Where the nitrogen is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NitrogenState {
-    /// Pressure of the run tank [Pa].
+    /// Pressure of the run tank (Pa).
     pub tank_pa: f64,
-    /// Pressure of the bottle [Pa].
+    /// Pressure of the bottle (Pa).
     pub bottle_pa: f64,
-    /// Nitrogen above the liquid [kg].
+    /// Nitrogen above the liquid (kg).
     pub tank_kg: f64,
-    /// Nitrogen in the bottle [kg].
+    /// Nitrogen in the bottle (kg).
     pub bottle_kg: f64,
     /// Whether the regulator holds its outlet.
     pub regulated: bool,
 }
 
 impl Pressurant {
-    /// Nitrogen in a bottle as the file fills it [kg].
+    /// Nitrogen in a bottle as the file fills it (kg).
     pub fn initial_bottle_kg(&self) -> f64 {
         let bottle = &self.bottle;
         bottle.volume_m3 * Nitrogen::tables().density_kg_m3(bottle.pressure_pa, bottle.temperature_k)

@@ -16,30 +16,30 @@ use crate::time::SimTime;
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReactionControl {
-    /// Thrust of one thruster [N].
+    /// Thrust of one thruster (N).
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub thrust_n: f64,
-    /// Specific impulse [s].
+    /// Specific impulse (s).
     #[schemars(range(min = 10.0, max = 400.0))]
     pub specific_impulse_s: f64,
     /// How a command becomes pulses.
     pub drive: Drive,
-    /// Period of the modulation [s].
+    /// Period of the modulation (s).
     #[schemars(range(min = 0.005, max = 10.0))]
     pub period_s: f64,
     /// Share of full command under which both pairs are off.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub dead_band: f64,
-    /// Shortest pulse [s]; shorter ones are skipped and carried over.
+    /// Shortest pulse (s); shorter ones are skipped and carried over.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub minimum_on_time_s: f64,
-    /// Command to the first motion of the valve [s].
+    /// Command to the first motion of the valve (s).
     #[schemars(range(min = 0.0, max = 0.1))]
     pub delay_s: f64,
-    /// First-order lag of the thrust, up and down [s].
+    /// First-order lag of the thrust, up and down (s).
     #[schemars(range(min = 1e-3, max = 1.0))]
     pub rise_time_constant_s: f64,
-    /// Bottle pressure under which the thrust falls in proportion [Pa].
+    /// Bottle pressure under which the thrust falls in proportion (Pa).
     #[schemars(range(min = 1e3, max = 350e5))]
     pub supply_minimum_pa: f64,
     /// The thrusters.
@@ -64,7 +64,7 @@ pub struct Thruster {
     pub name: String,
     /// Which pair it fires with.
     pub pair: Pair,
-    /// Position [m], structural frame in the file, body FRD once the vehicle is read.
+    /// Position (m), structural frame in the file, body FRD once the vehicle is read.
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// Direction of the force on the vehicle, same frame; normalised when used.
@@ -94,11 +94,11 @@ pub struct PairLevels {
 /// What the thrusters do to the vehicle, about the origin of the body frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThrusterLoads {
-    /// Force [N], body axes.
+    /// Force (N), body axes.
     pub force_body_n: Vec3,
-    /// Moment [N m], body axes.
+    /// Moment (N m), body axes.
     pub moment_body_n_m: Vec3,
-    /// Nitrogen used [kg/s].
+    /// Nitrogen used (kg/s).
     pub nitrogen_kg_s: f64,
 }
 
@@ -118,7 +118,7 @@ pub struct Modulator {
     pulses: [[Pulse; PULSES]; 2],
     next: [usize; 2],
     period_end_us: u64,
-    /// Impulse time owed to each pair by pulses that were too short [s].
+    /// Impulse time owed to each pair by pulses that were too short (s).
     owed_s: [f64; 2],
 }
 
@@ -190,7 +190,7 @@ impl ReactionControl {
         modulator.open(pair, Pulse { from_us, to_us: from_us + SimTime::from_s(on_s).us() });
     }
 
-    /// Rate of the levels [1/s] toward the share of the step in which the valves are open.
+    /// Rate of the levels (1/s) toward the share of the step in which the valves are open.
     pub fn rate(&self, levels: &PairLevels, open: &PairLevels) -> PairLevels {
         let per_s = 1.0 / self.rise_time_constant_s;
         PairLevels { a: (open.a - levels.a) * per_s, b: (open.b - levels.b) * per_s }

@@ -19,34 +19,34 @@ pub struct Valve {
     /// Discharge coefficient, of the open area.
     #[schemars(range(min = 0.1, max = 1.0))]
     pub discharge_coefficient: f64,
-    /// Radius of the seat [m].
+    /// Radius of the seat (m).
     #[schemars(range(min = 1e-3, max = 0.1))]
     pub seat_radius_m: f64,
-    /// Radius of the ball [m].
+    /// Radius of the ball (m).
     #[schemars(range(min = 1e-3, max = 0.2))]
     pub ball_radius_m: f64,
-    /// Angle of the V-port [rad].
+    /// Angle of the V-port (rad).
     #[schemars(range(min = 0.05, max = 3.15))]
     pub v_angle_rad: f64,
-    /// Angle at which the valve is fully open [rad].
+    /// Angle at which the valve is fully open (rad).
     #[schemars(range(min = 0.1, max = 3.15))]
     pub open_angle_rad: f64,
-    /// Natural frequency of the servo, second order [rad/s].
+    /// Natural frequency of the servo, second order (rad/s).
     #[schemars(range(min = 0.5, max = 600.0))]
     pub natural_frequency_rad_s: f64,
     /// Damping ratio of the servo.
     #[schemars(range(min = 0.05, max = 5.0))]
     pub damping_ratio: f64,
-    /// Greatest rate of the servo [rad/s].
+    /// Greatest rate of the servo (rad/s).
     #[schemars(range(min = 0.01, max = 100.0))]
     pub rate_limit_rad_s: f64,
-    /// Time from a command to the first motion [s].
+    /// Time from a command to the first motion (s).
     #[schemars(range(min = 0.0, max = 0.1))]
     pub delay_s: f64,
-    /// Lost motion between servo and ball [rad].
+    /// Lost motion between servo and ball (rad).
     #[schemars(range(min = 0.0, max = 0.2))]
     pub backlash_rad: f64,
-    /// Step of the servo's encoder [rad]; 0 is none.
+    /// Step of the servo's encoder (rad); 0 is none.
     #[schemars(range(min = 0.0, max = 0.1))]
     pub encoder_resolution_rad: f64,
 }
@@ -72,19 +72,19 @@ impl ValveArea {
         Ok(Self { root_area_m: Monotone::new(&knots, &rows) })
     }
 
-    /// Open area [m²] at an angle; closed below the table, fully open above.
+    /// Open area (m²) at an angle; closed below the table, fully open above.
     #[inline]
     pub fn area_m2(&self, angle_rad: f64) -> f64 {
         let root_m = self.root_area_m.at(0, angle_rad);
         root_m * root_m
     }
 
-    /// Angle [rad] that opens an area: the inverse of [`Self::area_m2`], clamped to the table.
+    /// Angle (rad) that opens an area: the inverse of [`Self::area_m2`], clamped to the table.
     pub fn angle_rad(&self, area_m2: f64) -> f64 {
         self.root_area_m.inverse(0, area_m2.max(0.0).sqrt())
     }
 
-    /// Angle [rad] and area [m²] of the last row, fully open.
+    /// Angle (rad) and area (m²) of the last row, fully open.
     pub fn fully_open(&self) -> (f64, f64) {
         let angle_rad = self.root_area_m.span().1;
         (angle_rad, self.area_m2(angle_rad))

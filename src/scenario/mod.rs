@@ -27,10 +27,10 @@ pub struct ScenarioFile {
     #[serde(default)]
     #[schemars(range(min = 0))]
     pub seed: u32,
-    /// End of an open-loop run [s]; absent: the flight ends by itself.
+    /// End of an open-loop run (s); absent: the flight ends by itself.
     #[schemars(range(min = 0.001, max = 86400.0))]
     pub duration_s: Option<f64>,
-    /// Longest mission time, counted from ignition [s].
+    /// Longest mission time, counted from ignition (s).
     #[serde(default = "default_timeout_s")]
     #[schemars(range(min = 1.0, max = 86400.0))]
     pub timeout_s: f64,
@@ -38,7 +38,7 @@ pub struct ScenarioFile {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub arm_wait_s: f64,
-    /// Silence of the flight controller that counts as its loss [ms].
+    /// Silence of the flight controller that counts as its loss (ms).
     #[serde(default = "default_fc_timeout_ms")]
     #[schemars(range(min = 10.0, max = 60000.0))]
     pub fc_timeout_ms: f64,
@@ -104,11 +104,11 @@ pub struct Initial {
     /// Standing on its legs, or free.
     #[serde(default)]
     pub place: Place,
-    /// Gimbal pivot, north-east-down from the pad surface [m]. On the pad the height follows from the legs.
+    /// Gimbal pivot, north-east-down from the pad surface (m). On the pad the height follows from the legs.
     #[serde(default)]
     #[schemars(inner(range(min = -10000.0, max = 10000.0)))]
     pub position_ned_m: [f64; 3],
-    /// Velocity of the pivot [m/s].
+    /// Velocity of the pivot (m/s).
     #[serde(default)]
     #[schemars(inner(range(min = -200.0, max = 200.0)))]
     pub velocity_ned_m_s: [f64; 3],
@@ -116,20 +116,20 @@ pub struct Initial {
     #[serde(default = "identity")]
     #[schemars(inner(range(min = -1.0, max = 1.0)))]
     pub q_ned_from_body: [f64; 4],
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     #[serde(default)]
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub rate_body_rad_s: [f64; 3],
-    /// Liquid nitrous oxide [kg]; absent: the vehicle file's fill.
+    /// Liquid nitrous oxide (kg); absent: the vehicle file's fill.
     #[schemars(range(min = 0.0, max = 500.0))]
     pub nitrous_kg: Option<f64>,
-    /// Nitrogen, bottle and run tank together [kg]; absent: the vehicle file's bottle pressure.
+    /// Nitrogen, bottle and run tank together (kg); absent: the vehicle file's bottle pressure.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub nitrogen_kg: Option<f64>,
-    /// Port radius [m]; absent: the vehicle file's.
+    /// Port radius (m); absent: the vehicle file's.
     #[schemars(range(min = 0.001, max = 0.5))]
     pub port_radius_m: Option<f64>,
-    /// Throat radius [m]; absent: the vehicle file's.
+    /// Throat radius (m); absent: the vehicle file's.
     #[schemars(range(min = 0.001, max = 0.2))]
     pub throat_radius_m: Option<f64>,
     /// Engine off, or lit and steady at the first command.
@@ -243,7 +243,7 @@ pub struct Sensors {
     pub enabled: bool,
     /// Replaces the grade of the vehicle file's receiver.
     pub gnss: Option<crate::sensor::GnssGrade>,
-    /// Replaces the receiver's delay, whatever the profile says [s].
+    /// Replaces the receiver's delay, whatever the profile says (s).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gnss_delay_s: Option<f64>,
 }
@@ -264,19 +264,19 @@ fn yes() -> bool {
 pub struct Expect {
     /// How the flight must end.
     pub outcome: Option<Outcome>,
-    /// Vertical speed of the centre of mass at first contact, at most [m/s].
+    /// Vertical speed of the centre of mass at first contact, at most (m/s).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub touchdown_vertical_speed_max_m_s: Option<f64>,
-    /// Horizontal speed of the centre of mass at first contact, at most [m/s].
+    /// Horizontal speed of the centre of mass at first contact, at most (m/s).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub touchdown_lateral_speed_max_m_s: Option<f64>,
-    /// Tilt at first contact, at most [deg].
+    /// Tilt at first contact, at most (deg).
     #[schemars(range(min = 0.0, max = 180.0))]
     pub touchdown_tilt_max_deg: Option<f64>,
-    /// Horizontal distance from the flying autopilot's estimate to the target at first contact, at most [m]; not judged when an outside flight controller flew.
+    /// Horizontal distance from the flying autopilot's estimate to the target at first contact, at most (m); not judged when an outside flight controller flew.
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub control_error_max_m: Option<f64>,
-    /// Horizontal distance from the true position to the target at first contact, at most [m]. Plain GNSS wanders by a metre, so this is for `gnss = "rtk"`.
+    /// Horizontal distance from the true position to the target at first contact, at most (m). Plain GNSS wanders by a metre, so this is for `gnss = "rtk"`.
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub position_error_max_m: Option<f64>,
     /// Share of the fuel that must be left, at least.
@@ -285,10 +285,10 @@ pub struct Expect {
     /// Share of the nitrous oxide that must be left, at least.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub nitrous_left_min_fraction: Option<f64>,
-    /// Time from lift-off to first contact, at most [s].
+    /// Time from lift-off to first contact, at most (s).
     #[schemars(range(min = 0.0, max = 86400.0))]
     pub flight_time_max_s: Option<f64>,
-    /// Height that the pivot must have reached above its rest height, at least [m].
+    /// Height that the pivot must have reached above its rest height, at least (m).
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub max_altitude_min_m: Option<f64>,
     /// Mass that left the vehicle plus mass on board against the start, relative, at most.
@@ -426,13 +426,13 @@ impl Scenario {
         }
     }
 
-    /// The landing target, north and east of the pad's origin [m]: the mission counts from the start.
+    /// The landing target, north and east of the pad's origin (m): the mission counts from the start.
     pub fn target_north_east_m(&self) -> [f64; 2] {
         let ([north, east], [n0, e0]) = (self.file.mission.target_north_east_m, self.start_north_east_m());
         [n0 + north, e0 + east]
     }
 
-    /// Where the flight starts, north and east of the pad's origin [m]: the origin of the autopilot's frame.
+    /// Where the flight starts, north and east of the pad's origin (m): the origin of the autopilot's frame.
     pub fn start_north_east_m(&self) -> [f64; 2] {
         let [north, east, _] = self.file.initial.position_ned_m;
         [north, east]

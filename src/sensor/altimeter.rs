@@ -20,16 +20,16 @@ use super::truth::History;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AltimeterParameters {
-    /// Sample rate, a divisor of 1000 [Hz].
+    /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where it sits [m].
+    /// Where it sits (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// Direction of the beam, a unit vector.
     #[schemars(inner(range(min = -1.0, max = 1.0)))]
     pub direction: [f64; 3],
-    /// From measurement to delivery [s].
+    /// From measurement to delivery (s).
     #[schemars(range(min = 0.0, max = 0.5))]
     pub delay_s: f64,
     /// White noise of one sample.
@@ -44,7 +44,7 @@ pub struct AltimeterParameters {
     /// Least and greatest distance that it reads.
     #[schemars(inner(range(min = 0.0, max = 10000.0)))]
     pub range_m: [f64; 2],
-    /// Greatest angle of the beam from the vertical with a reading [rad].
+    /// Greatest angle of the beam from the vertical with a reading (rad).
     #[schemars(range(min = 0.0, max = 1.5))]
     pub maximum_tilt_rad: f64,
 }
@@ -113,7 +113,7 @@ impl Altimeter {
         Some(AltimeterSample { range_m: reading_m, minimum_m, maximum_m })
     }
 
-    /// Standard deviation of the white noise at a distance [m].
+    /// Standard deviation of the white noise at a distance (m).
     fn noise_m(&self, range_m: f64) -> f64 {
         let proportional_m = self.noise_fraction * range_m;
         (self.noise_std_m * self.noise_std_m + proportional_m * proportional_m).sqrt()

@@ -18,13 +18,13 @@ use super::truth::History;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BarometerParameters {
-    /// Sample rate, a divisor of 1000 [Hz].
+    /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where its port is [m].
+    /// Where its port is (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// From measurement to delivery [s].
+    /// From measurement to delivery (s).
     #[schemars(range(min = 0.0, max = 0.5))]
     pub delay_s: f64,
     /// White noise, one-sided; one sample has density times the root of half the rate.

@@ -24,10 +24,10 @@ use super::truth::History;
 pub struct GnssParameters {
     /// Which receiver is fitted.
     pub grade: GnssGrade,
-    /// Rate of fixes, a divisor of 1000 [Hz].
+    /// Rate of fixes, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 100.0))]
     pub rate_hz: f64,
-    /// Phase centre of the antenna [m].
+    /// Phase centre of the antenna (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub antenna_position_m: [f64; 3],
     /// Satellites in use, as reported.
@@ -53,7 +53,7 @@ pub enum GnssGrade {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReceiverParameters {
-    /// From measurement to delivery [s].
+    /// From measurement to delivery (s).
     #[schemars(range(min = 0.0, max = 2.0))]
     pub delay_s: f64,
     /// White noise of position, north and east each.

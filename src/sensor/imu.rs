@@ -21,13 +21,13 @@ use super::truth::History;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImuParameters {
-    /// Sample rate, a divisor of 1000 [Hz]; one measurement per sample.
+    /// Sample rate, a divisor of 1000 (Hz); one measurement per sample.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where it sits [m].
+    /// Where it sits (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// From the end of the interval to delivery [s].
+    /// From the end of the interval to delivery (s).
     #[schemars(range(min = 0.0, max = 0.5))]
     pub delay_s: f64,
     /// Specific force.

@@ -135,7 +135,7 @@ pub struct SensorSetup<'a> {
     pub step: SimTime,
     /// State of the vehicle at time 0, and before: a delayed sensor sees this until it sees the flight.
     pub initial: &'a Truth,
-    /// Delay of satellite navigation that replaces the vehicle file's, as a profile or scenario may ask [s].
+    /// Delay of satellite navigation that replaces the vehicle file's, as a profile or scenario may ask (s).
     pub gnss_delay_s: Option<f64>,
 }
 

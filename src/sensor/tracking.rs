@@ -17,10 +17,10 @@ use super::truth::History;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackingParameters {
-    /// Sample rate, a divisor of 1000 [Hz].
+    /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// From measurement to delivery [s].
+    /// From measurement to delivery (s).
     #[schemars(range(min = 0.0, max = 0.5))]
     pub delay_s: f64,
     /// White noise of position, each axis.

@@ -17,10 +17,10 @@ use super::truth::Truth;
 pub struct TransducerParameters {
     /// Which pressure it reads.
     pub name: Tap,
-    /// Where it sits [m]; for the record, pressures are uniform where they are tapped.
+    /// Where it sits (m); for the record, pressures are uniform where they are tapped.
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// Sample rate, a divisor of 1000 [Hz].
+    /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
     /// Least and greatest reading; beyond it is clamped.
@@ -32,7 +32,7 @@ pub struct TransducerParameters {
     /// Standard deviation of the bias, drawn once per run.
     #[schemars(range(min = 0.0, max = 1e7))]
     pub bias_std_pa: f64,
-    /// Corner frequency of the first-order lag, of the cell or its sense tube [Hz].
+    /// Corner frequency of the first-order lag, of the cell or its sense tube (Hz).
     #[schemars(range(min = 0.1, max = 1e6))]
     pub bandwidth_hz: f64,
 }

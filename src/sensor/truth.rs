@@ -8,38 +8,38 @@ use crate::time::SimTime;
 /// State of the vehicle at one instant, as far as any instrument can tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
-    /// Gimbal pivot in NED from the pad [m].
+    /// Gimbal pivot in NED from the pad (m).
     pub position_ned_m: Vec3,
-    /// Velocity of the pivot in NED [m/s].
+    /// Velocity of the pivot in NED (m/s).
     pub velocity_ned_m_s: Vec3,
     /// Attitude.
     pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     pub rate_body_rad_s: Vec3,
     /// Time integral of the specific force at the inertial unit, in body axes as they turn, everything
-    /// but gravity included: contact, tether, hold-down [m/s].
+    /// but gravity included: contact, tether, hold-down (m/s).
     pub specific_force_integral_body_m_s: Vec3,
-    /// Time integral of the body rate [rad].
+    /// Time integral of the body rate (rad).
     pub rate_integral_body_rad: Vec3,
-    /// Velocity of the air at the vehicle in NED [m/s].
+    /// Velocity of the air at the vehicle in NED (m/s).
     pub wind_ned_m_s: Vec3,
-    /// Run-tank ullage [Pa].
+    /// Run-tank ullage (Pa).
     pub tank_pa: f64,
-    /// Nitrogen bottle [Pa].
+    /// Nitrogen bottle (Pa).
     pub bottle_pa: f64,
-    /// Injector inlet [Pa].
+    /// Injector inlet (Pa).
     pub injector_inlet_pa: f64,
-    /// Combustion chamber [Pa].
+    /// Combustion chamber (Pa).
     pub chamber_pa: f64,
 }
 
 impl Truth {
-    /// Position in NED of a point fixed to the body [m].
+    /// Position in NED of a point fixed to the body (m).
     pub fn point_ned_m(&self, point_body_m: &Vec3) -> Vec3 {
         self.position_ned_m + self.q_ned_from_body * point_body_m
     }
 
-    /// Velocity in NED of a point fixed to the body [m/s].
+    /// Velocity in NED of a point fixed to the body (m/s).
     pub fn point_velocity_ned_m_s(&self, point_body_m: &Vec3) -> Vec3 {
         self.velocity_ned_m_s + self.q_ned_from_body * self.rate_body_rad_s.cross(point_body_m)
     }

@@ -51,9 +51,9 @@ pub struct Flight {
 /// What a bench may ask of the sensors beyond the scenario.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Instrumentation {
-    /// Rate of the inertial unit [Hz].
+    /// Rate of the inertial unit (Hz).
     pub imu_rate_hz: Option<f64>,
-    /// Delay of satellite navigation that a profile asks for; the scenario's own comes first [s].
+    /// Delay of satellite navigation that a profile asks for; the scenario's own comes first (s).
     pub gnss_delay_s: Option<f64>,
 }
 
@@ -128,7 +128,7 @@ impl Flight {
         })
     }
 
-    /// Length of a step [s].
+    /// Length of a step (s).
     pub fn step_s(&self) -> f64 {
         STEP.s()
     }
@@ -178,12 +178,12 @@ impl Flight {
         (self.source == Source::Autopilot && self.phase == Some("hover")).then(|| {
             let reference =
                 self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m);
-            self.from_start(reference)
+            self.in_pad_frame(reference)
         })
     }
 
     /// A position in the autopilot's frame, whose origin is the start, in the frame of the pad.
-    fn from_start(&self, position_ned_m: Vec3) -> Vec3 {
+    fn in_pad_frame(&self, position_ned_m: Vec3) -> Vec3 {
         let [north, east] = self.scenario.start_north_east_m();
         position_ned_m + Vec3::new(north, east, 0.0)
     }
@@ -219,7 +219,7 @@ impl Flight {
         self.plant.time()
     }
 
-    /// Time since the first flame [s].
+    /// Time since the first flame (s).
     pub fn mission_s(&self) -> Option<f64> {
         self.plant.mission_s()
     }
@@ -330,7 +330,7 @@ impl Flight {
         let [nozzle, rcs, vent] = end.expelled_kg;
         let target = self.scenario.target_north_east_m();
         let touchdown = self.referee.touchdown.map(|mut touchdown| {
-            if let Some(estimate) = self.estimate_at_touchdown.map(|e| self.from_start(e)) {
+            if let Some(estimate) = self.estimate_at_touchdown.map(|e| self.in_pad_frame(e)) {
                 touchdown.control_error_m = Some(libm::hypot(estimate.x - target[0], estimate.y - target[1]));
                 touchdown.navigation_error_m =
                     self.true_at_touchdown().map(|p| libm::hypot(estimate.x - p.x, estimate.y - p.y));

@@ -6,33 +6,33 @@ use crate::scenario::Outcome;
 
 use super::report::{Hover, Touchdown};
 
-/// Height above rest at which the vehicle counts as airborne [m]: contact after it is a touchdown, a
+/// Height above rest at which the vehicle counts as airborne (m): contact after it is a touchdown, a
 /// leg that leaves the pad unevenly below it is not.
 const AIRBORNE_M: f64 = 0.30;
-/// At rest: speed of the centre of mass below this [m/s], for [`REST_S`].
+/// At rest: speed of the centre of mass below this (m/s), for [`REST_S`].
 const REST_SPEED_M_S: f64 = 0.1;
-/// At rest: tilt below this [rad].
+/// At rest: tilt below this (rad).
 const REST_TILT_RAD: f64 = 10.0 * core::f64::consts::PI / 180.0;
-/// Time at rest that counts as landed [s].
+/// Time at rest that counts as landed (s).
 const REST_S: f64 = 2.0;
 /// Pads that must be down.
 const REST_PADS: u32 = 3;
-/// A tilt on the ground from which no leg brings the vehicle back [rad]: the centre of mass, 1.15 m over
+/// A tilt on the ground from which no leg brings the vehicle back (rad): the centre of mass, 1.15 m over
 /// the ground and 0.75 m from the pads, passes over a pad at 33 degrees; over an edge between two earlier.
 const TIPPED_TILT_RAD: f64 = 45.0 * core::f64::consts::PI / 180.0;
-/// After first contact everything must be over by then [s].
+/// After first contact everything must be over by then (s).
 const AFTER_CONTACT_S: f64 = 10.0;
-/// Throttle without a flame for so long is no ignition [s].
+/// Throttle without a flame for so long is no ignition (s).
 const NO_IGNITION_S: f64 = 10.0;
 
 /// What a flight is judged by.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// Landing target, NED from the pad [m].
+    /// Landing target, NED from the pad (m).
     pub target_ned_m: Vec3,
-    /// What the legs can take [m].
+    /// What the legs can take (m).
     pub stroke_m: f64,
-    /// Longest mission time [s].
+    /// Longest mission time (s).
     pub timeout_s: f64,
     /// There is ground.
     pub has_ground: bool,
@@ -70,11 +70,11 @@ pub struct Circumstances {
     pub armed: bool,
     /// Whoever flies asks for thrust.
     pub throttle: bool,
-    /// Time since the first flame [s].
+    /// Time since the first flame (s).
     pub mission_s: Option<f64>,
     /// Reference of the hover phase, NED of the pivot, while in it.
     pub hover_reference_ned_m: Option<Vec3>,
-    /// Time of this step [s].
+    /// Time of this step (s).
     pub dt_s: f64,
 }
 

@@ -19,7 +19,7 @@ pub struct Report {
     pub expect: Verdict,
     /// First pad contact after lift-off.
     pub touchdown: Option<Touchdown>,
-    /// Highest the pivot rose above its rest height [m].
+    /// Highest the pivot rose above its rest height (m).
     pub max_altitude_m: f64,
     /// The hover phase of the mission.
     pub hover: Option<Hover>,
@@ -59,9 +59,9 @@ pub enum Source {
 pub struct FlownBy {
     /// Whose.
     pub source: Source,
-    /// From this run time [s].
+    /// From this run time (s).
     pub from_s: f64,
-    /// To this run time [s].
+    /// To this run time (s).
     pub to_s: f64,
 }
 
@@ -90,67 +90,67 @@ pub struct Item {
 /// First pad contact after lift-off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Touchdown {
-    /// Run time [s].
+    /// Run time (s).
     pub time_s: f64,
-    /// Downward speed of the centre of mass [m/s].
+    /// Downward speed of the centre of mass (m/s).
     pub vertical_speed_m_s: f64,
-    /// Horizontal speed of the centre of mass [m/s].
+    /// Horizontal speed of the centre of mass (m/s).
     pub lateral_speed_m_s: f64,
-    /// Tilt of the long axis [deg].
+    /// Tilt of the long axis (deg).
     pub tilt_deg: f64,
-    /// Horizontal distance of the true pivot from the target [m].
+    /// Horizontal distance of the true pivot from the target (m).
     pub position_error_m: f64,
-    /// Horizontal distance of the flying autopilot's estimate from the target [m].
+    /// Horizontal distance of the flying autopilot's estimate from the target (m).
     pub control_error_m: Option<f64>,
-    /// Horizontal distance of that estimate from the truth [m].
+    /// Horizontal distance of that estimate from the truth (m).
     pub navigation_error_m: Option<f64>,
 }
 
 /// The hover phase.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hover {
-    /// Length [s].
+    /// Length (s).
     pub duration_s: f64,
-    /// Root mean square of true height against the reference [m].
+    /// Root mean square of true height against the reference (m).
     pub altitude_rms_m: f64,
-    /// Root mean square of true horizontal distance from the reference [m].
+    /// Root mean square of true horizontal distance from the reference (m).
     pub lateral_rms_m: f64,
 }
 
 /// Fluids and fuel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Propellant {
-    /// Nitrous oxide used [kg].
+    /// Nitrous oxide used (kg).
     pub nitrous_used_kg: f64,
-    /// Nitrous oxide left [kg].
+    /// Nitrous oxide left (kg).
     pub nitrous_left_kg: f64,
-    /// Fuel used [kg].
+    /// Fuel used (kg).
     pub fuel_used_kg: f64,
-    /// Fuel left [kg].
+    /// Fuel left (kg).
     pub fuel_left_kg: f64,
-    /// Nitrogen through the thrusters [kg].
+    /// Nitrogen through the thrusters (kg).
     pub nitrogen_rcs_kg: f64,
-    /// Nitrogen through the vent [kg].
+    /// Nitrogen through the vent (kg).
     pub nitrogen_vented_kg: f64,
 }
 
 /// Mass book-keeping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MassBalance {
-    /// At step 0 [kg].
+    /// At step 0 (kg).
     pub initial_kg: f64,
-    /// At the end [kg].
+    /// At the end (kg).
     pub final_kg: f64,
-    /// Initial less final less everything that left through nozzle, thrusters and vent [kg].
+    /// Initial less final less everything that left through nozzle, thrusters and vent (kg).
     pub closure_error_kg: f64,
 }
 
 /// Simulated and wall time.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Timing {
-    /// Simulated time [s].
+    /// Simulated time (s).
     pub simulated_s: f64,
-    /// Wall time [s].
+    /// Wall time (s).
     pub wall_s: f64,
     /// Simulated over wall.
     pub realtime_factor: f64,
@@ -158,11 +158,11 @@ pub struct Timing {
     pub steps: u64,
     /// Deadlines missed by more than a step.
     pub overruns: u64,
-    /// Cost of a step [us].
+    /// Cost of a step (us).
     pub step_us: Option<Percentiles>,
-    /// Wake-up after the deadline [us].
+    /// Wake-up after the deadline (us).
     pub lateness_us: Option<TailPercentiles>,
-    /// Sensor frame out to the actuator frame that answers it [us].
+    /// Sensor frame out to the actuator frame that answers it (us).
     pub round_trip_us: Option<Percentiles>,
 }
 
@@ -209,14 +209,14 @@ pub struct LinkReport {
     pub refused: u64,
     /// Waits for a reply that ran into their limit.
     pub stalls: u64,
-    /// Share of the wire used outward; null where the wire has no rate [%].
+    /// Share of the wire used outward; null where the wire has no rate (%).
     pub wire_load_percent: Option<f64>,
 }
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// Run time [s].
+    /// Run time (s).
     pub time_s: f64,
     /// Name, from a closed list in the manual.
     pub name: String,

@@ -1,5 +1,6 @@
 //! The project's own scenarios and vehicles, for tests.
 #![allow(dead_code)] // each test binary uses its part
+#![allow(clippy::disallowed_methods)] // tests read files; the library does not
 
 use std::path::{Path, PathBuf};
 

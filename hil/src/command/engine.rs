@@ -20,25 +20,25 @@ use crate::load;
 pub struct Args {
     /// Vehicle file
     pub vehicle: PathBuf,
-    /// The point that gives this thrust [N]
+    /// The point that gives this thrust (N)
     #[arg(long, value_name = "T")]
     pub thrust_n: Option<f64>,
-    /// The point at this valve angle [deg]
+    /// The point at this valve angle (deg)
     #[arg(long, value_name = "A")]
     pub valve_deg: Option<f64>,
     /// Points over the whole travel of the valve
     #[arg(long)]
     pub sweep: bool,
-    /// Port radius [mm]; the vehicle file's start value if absent
+    /// Port radius (mm); the vehicle file's start value if absent
     #[arg(long, value_name = "R")]
     pub port_radius_mm: Option<f64>,
-    /// Throat radius [mm]; the vehicle file's start value if absent
+    /// Throat radius (mm); the vehicle file's start value if absent
     #[arg(long, value_name = "R")]
     pub throat_radius_mm: Option<f64>,
-    /// Tank temperature [K]; the vehicle file's if absent
+    /// Tank temperature (K); the vehicle file's if absent
     #[arg(long, value_name = "T")]
     pub tank_k: Option<f64>,
-    /// Tank pressure [bar]; the vehicle file's if absent
+    /// Tank pressure (bar); the vehicle file's if absent
     #[arg(long, value_name = "P")]
     pub tank_bar: Option<f64>,
 }

@@ -30,19 +30,19 @@ const QUALITY_INVALID: u8 = 1;
 pub struct TrueState {
     /// Attitude.
     pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate [rad/s].
+    /// Body rate (rad/s).
     pub rate_body_rad_s: Vec3,
-    /// Latitude [rad].
+    /// Latitude (rad).
     pub latitude_rad: f64,
-    /// Longitude [rad].
+    /// Longitude (rad).
     pub longitude_rad: f64,
-    /// Height above mean sea level [m].
+    /// Height above mean sea level (m).
     pub altitude_m: f64,
-    /// Velocity over ground [m/s].
+    /// Velocity over ground (m/s).
     pub velocity_ned_m_s: Vec3,
-    /// Speed through the air [m/s].
+    /// Speed through the air (m/s).
     pub airspeed_m_s: f64,
-    /// Specific force, body FRD [m/s²].
+    /// Specific force, body FRD (m/s²).
     pub specific_force_body_m_s2: Vec3,
 }
 
@@ -155,7 +155,7 @@ pub fn odometry(measurement: &Measurement) -> Option<MavMessage> {
     }))
 }
 
-/// NAMED_VALUE_FLOAT of one pressure [Pa], sent in bar.
+/// NAMED_VALUE_FLOAT of one pressure (Pa), sent in bar.
 pub fn pressure(name: &str, pressure_pa: f64, time_us: u64) -> MavMessage {
     MavMessage::NAMED_VALUE_FLOAT(dialect::NAMED_VALUE_FLOAT_DATA {
         time_boot_ms: milliseconds(time_us),
