@@ -179,6 +179,9 @@ impl<'a> Bench<'a> {
     /// Lets the report know what the autopilot at the other end believes.
     #[must_use]
     pub fn believing(mut self, belief: &'a dyn Fn() -> Option<Belief>) -> Self {
+        if self.options.source == Source::Autopilot {
+            self.flight.set_flown_elsewhere();
+        }
         self.belief = Some(belief);
         self
     }
@@ -333,6 +336,10 @@ impl<'a> Bench<'a> {
         if self.stage == Stage::Fallback && self.scenario.file.on_fc_loss == OnFcLoss::Autopilot {
             if let Some(command) = self.flight.autopilot_command() {
                 self.command = command;
+            }
+            if self.flight.has_touched_down() {
+                let estimate_ned_m = self.flight.autopilot().estimate().position_ned_m;
+                self.flight.set_estimate_at_touchdown(estimate_ned_m);
             }
             return;
         }
