@@ -2,7 +2,8 @@
 
 use nalgebra::UnitQuaternion;
 
-use crate::frame::{Mat3, Vec3, tilt_rad};
+use super::{Evaluation, Plant, motion};
+use crate::frame::{Mat3, Vec3, structural_from_frd, tilt_rad};
 use crate::time::SimTime;
 
 /// Everything worth knowing of the vehicle at one instant.
@@ -167,5 +168,69 @@ slosh_force_x_n,slosh_force_y_n,wind_n_m_s,wind_e_m_s,wind_d_m_s";
             wind.y,
             wind.z,
         ]
+    }
+}
+
+impl Plant {
+    pub(super) fn snapshot_of(&self, now: &Evaluation) -> Snapshot {
+        let state = &self.state;
+        let attitude = state.attitude();
+        let com_body_m = now.mass.centre_of_mass_body_m();
+        let com_velocity_ned_m_s =
+            state.velocity_ned_m_s + attitude * state.rate_body_rad_s.cross(&com_body_m);
+        let motion = motion(state);
+        let deflection_m = |pad: &Vec3| motion.point_ned_m(*pad).z;
+        let pads = &self.pads_body_m[..self.vehicle.landing_gear.legs()];
+        let leg_deflection_m =
+            if self.options.ground { pads.iter().map(deflection_m).fold(0.0, f64::max) } else { 0.0 };
+        let hull_contact = self.options.ground
+            && [self.outlets.nozzle, self.outlets.vent]
+                .iter()
+                .any(|point| motion.point_ned_m(*point).z > 0.0);
+        let force = now.acceleration.slosh_force_body_n;
+        Snapshot {
+            time: self.time,
+            position_ned_m: state.position_ned_m,
+            velocity_ned_m_s: state.velocity_ned_m_s,
+            q_ned_from_body: attitude,
+            rate_body_rad_s: state.rate_body_rad_s,
+            acceleration_ned_m_s2: now.rate.velocity_ned_m_s,
+            specific_force_body_m_s2: now.acceleration.specific_force_body_m_s2,
+            height_m: -state.position_ned_m.z - self.rest_height_m,
+            mass_kg: now.mass.mass_kg,
+            com_structural_m: structural_from_frd(com_body_m),
+            com_velocity_ned_m_s,
+            inertia_kg_m2: now.mass.inertia_about_com_kg_m2(),
+            nitrous_kg: state.nitrous_kg,
+            fuel_kg: self.fuel_kg(state),
+            nitrogen_bottle_kg: now.pressurant.bottle_kg,
+            nitrogen_ullage_kg: now.pressurant.tank_kg,
+            chamber_gas_kg: state.chamber_oxidizer_kg + state.chamber_fuel_kg,
+            port_radius_m: state.port_radius_m,
+            throat_radius_m: state.throat_radius_m,
+            oxidizer_kg_s: now.engine.oxidizer_kg_s,
+            fuel_kg_s: now.engine.fuel_kg_s,
+            of_ratio: now.engine.of_ratio,
+            chamber_pa: now.engine.chamber_pa,
+            injector_inlet_pa: now.engine.injector_inlet_pa,
+            quality: now.engine.quality,
+            tank_pa: now.pressurant.tank_pa,
+            bottle_pa: now.pressurant.bottle_pa,
+            valve_rad: now.valve_rad,
+            valve_area_m2: now.valve_area_m2,
+            thrust_command_n: self.held.demand.thrust_n,
+            thrust_n: now.engine.thrust_n,
+            gimbal_rad: [now.gimbal_rad.x, now.gimbal_rad.y],
+            rcs_roll: state.rcs_level.y - state.rcs_level.x,
+            slosh_m: [state.slosh_m.x, state.slosh_m.y],
+            slosh_force_n: [force.x, force.y],
+            wind_ned_m_s: now.wind_ned_m_s,
+            pads_down: now.contact.pads_down as u32,
+            leg_deflection_m,
+            hull_contact,
+            lit: self.held.flame.lit,
+            singular: self.held.singular,
+            expelled_kg: [state.expelled_nozzle_kg, state.expelled_rcs_kg, state.expelled_vent_kg],
+        }
     }
 }

@@ -1,0 +1,135 @@
+//! From a command to what the actuators are told: sequence, engine controller, delays, pulses.
+
+use nalgebra::Vector2;
+
+use super::{Demand, Plant};
+use crate::actuator::StrokeValve;
+use crate::dynamics::landing_gear::Grip;
+use crate::frame::Vec3;
+use crate::propulsion::{BelowMinimum, EngineCondition};
+use crate::signal::{ActuatorCommand, Throttle};
+use crate::time::SimTime;
+
+/// The engine controller solves for the valve angle at this interval, and at every new command.
+const ENGINE_CONTROL: SimTime = SimTime::from_us(4_000);
+
+/// Saturation that ended longer ago than this is over.
+const SATURATION_MEMORY: SimTime = SimTime::from_us(1_000_000);
+
+impl Plant {
+    /// Takes in a command: sequence, engine controller, delays, pulses.
+    pub(super) fn obey(&mut self, command: &ActuatorCommand) {
+        let now = self.time;
+        let throttle_on = self.throttle_on(command);
+        let positions = self.sequence.obey(now, command, throttle_on);
+        let held = &mut self.held;
+        let stroke = |valve: StrokeValve, opening: f64, open: bool| {
+            valve.opening_after(opening, if open { 1.0 } else { 0.0 }, self.step.s())
+        };
+        held.isolation = stroke(self.vehicle.isolation_stroke(), held.isolation, positions.isolation_open);
+        held.vent = stroke(self.vehicle.vent_stroke(), held.vent, positions.vent_open);
+        held.igniter = positions.igniter;
+        held.grip = if held.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
+
+        self.control_engine(throttle_on, command.throttle);
+        let limit = self.vehicle.gimbal.limit_rad;
+        let gimbal = if command.armed {
+            [command.gimbal_x_rad, command.gimbal_y_rad].map(|angle| angle.clamp(-limit, limit))
+        } else {
+            [0.0; 2]
+        };
+        let roll = if command.armed { command.rcs_roll.clamp(-1.0, 1.0) } else { 0.0 };
+
+        let held = &mut self.held;
+        let valve_rad = held.demand.valve_rad;
+        if self.options.ideal {
+            held.valve_command_rad = valve_rad;
+            self.state.valve_rad = valve_rad;
+            held.valve_play_rad = valve_rad;
+            self.state.rcs_level = Vec3::new((-roll).max(0.0), roll.max(0.0), 0.0);
+        } else {
+            held.valve_delay.push(now, valve_rad);
+            held.valve_command_rad = held.valve_delay.at(now);
+            held.rcs_open = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, self.step);
+        }
+        if self.options.ideal_gimbal {
+            held.gimbal_command_rad = Vector2::from(gimbal);
+            self.state.gimbal_rad = Vec3::new(gimbal[0], gimbal[1], 0.0);
+            held.gimbal_play_rad = held.gimbal_command_rad;
+        } else {
+            held.gimbal_delay.push(now, gimbal);
+            held.gimbal_command_rad = Vector2::from(held.gimbal_delay.at(now));
+        }
+    }
+
+    /// Whether a command asks for a running engine: armed, and above the shutdown fraction.
+    pub fn throttle_on(&self, command: &ActuatorCommand) -> bool {
+        command.armed && self.throttle_share(command.throttle) >= self.shutdown_fraction()
+    }
+
+    /// Throttle as a share of the rated thrust or of the valve's travel.
+    fn throttle_share(&self, throttle: Throttle) -> f64 {
+        match throttle {
+            Throttle::ThrustN(thrust_n) => thrust_n / self.vehicle.rating.thrust_rated_n,
+            Throttle::ValveRad(valve_rad) => valve_rad / self.vehicle.valve_servo.upper_rad,
+        }
+    }
+
+    fn shutdown_fraction(&self) -> f64 {
+        if self.options.open_loop {
+            f64::MIN_POSITIVE
+        } else {
+            self.vehicle.engine_parameters.ignition.shutdown_fraction
+        }
+    }
+
+    /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own
+    /// engine, as a well identified controller would.
+    fn control_engine(&mut self, on: bool, throttle: Throttle) {
+        let now = self.time;
+        if !on {
+            self.held.demand = Demand { throttle, solved: None, valve_rad: 0.0, thrust_n: 0.0 };
+            return;
+        }
+        let demand = &self.held.demand;
+        let fresh = demand.solved.is_some_and(|at| now.since(at) < ENGINE_CONTROL);
+        if fresh && demand.throttle == throttle {
+            return;
+        }
+        let engine = &self.vehicle.engine;
+        // The demand is for the burning engine, whatever the flame is doing now.
+        let condition =
+            EngineCondition { burning_fraction: 1.0, chamber_gas: None, ..self.condition(&self.state) };
+        let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold
+            && !self.options.open_loop;
+        let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };
+        let feed = &self.held.feed;
+        let (valve_rad, thrust_n, saturated) = match throttle {
+            Throttle::ThrustN(thrust_n) => {
+                let inverse = engine.inverse(feed, thrust_n.max(least_n), &condition, self.held.guess);
+                (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
+            }
+            Throttle::ValveRad(valve_rad) => {
+                let valve_rad = valve_rad.min(self.vehicle.valve_servo.upper_rad);
+                let area_m2 = engine.valve_area().area_m2(valve_rad);
+                let point = engine.operating_point(feed, area_m2, &condition, self.held.guess);
+                // Thrust rises with the angle, so the minimum is solved for only where it is undercut.
+                if point.thrust_n < least_n {
+                    let held = engine.inverse(feed, least_n, &condition, self.held.guess);
+                    (held.valve_rad, least_n, held.saturated)
+                } else {
+                    (valve_rad, point.thrust_n, false)
+                }
+            }
+        };
+        if saturated && thrust_n > 0.0 {
+            // Once per excursion: a demand that rides the limit is one.
+            if self.held.saturated.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
+                self.note("saturated", format!("{thrust_n:.0} N asked for"));
+            }
+            self.held.saturated = Some(now);
+        }
+        let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
+        self.held.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
+    }
+}

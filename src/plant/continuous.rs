@@ -1,0 +1,282 @@
+//! The continuous part of the plant: the rate of its state, once per stage of the integrator. Pure.
+
+use nalgebra::Vector2;
+
+use super::{Evaluation, Plant, Rate, State, motion};
+use crate::actuator::{ServoOutput, ServoState};
+use crate::dynamics::Load;
+use crate::dynamics::landing_gear::Contact;
+use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, Outflow};
+use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
+use crate::dynamics::slosh::SloshState;
+use crate::frame::{Vec3, quaternion_rate};
+use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, Pair, PairLevels};
+
+/// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
+/// passes zero.
+const DRAIN_S: f64 = 4e-3;
+
+/// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
+const OUTFLOWS: usize = 2 + 16;
+
+impl Plant {
+    /// Conditions of the engine at a state.
+    pub(super) fn condition(&self, state: &State) -> EngineCondition {
+        let parameters = &self.vehicle.engine_parameters;
+        let tail_s = parameters.depletion.tail_time_constant_s;
+        // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
+        // so neither store reaches zero within a step.
+        let drain_s = if self.held.nitrous_depleted { tail_s } else { DRAIN_S };
+        let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
+        EngineCondition {
+            port_radius_m: state.port_radius_m,
+            throat_radius_m: state.throat_radius_m,
+            // A share of 0/0, no flow yet, limits nothing.
+            burning_fraction: if fuel_share < 1.0 {
+                state.burning_fraction.min(fuel_share)
+            } else {
+                state.burning_fraction
+            },
+            ambient_pa: self.environment.atmosphere.pressure_pa,
+            chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
+                oxidizer_kg: state.chamber_oxidizer_kg,
+                fuel_kg: state.chamber_fuel_kg,
+            }),
+            oxidizer_flow_limit_kg_s: state.nitrous_kg.max(0.0) / drain_s,
+        }
+    }
+
+    /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
+    pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
+        let (vehicle, held) = (&self.vehicle, &self.held);
+
+        // Actuators.
+        let (valve, valve_rate) = self.valve(state);
+        let (gimbal, gimbal_rate) = self.gimbal(state);
+        let rcs_rate = if self.options.ideal {
+            Vec3::zeros()
+        } else {
+            let rate = vehicle.reaction_control.rate(&levels(state), &held.rcs_open);
+            Vec3::new(rate.a, rate.b, 0.0)
+        };
+
+        // Feed and combustion.
+        let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
+        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
+        let engine = vehicle.engine.operating_point(
+            &held.feed,
+            open_area_m2,
+            &self.condition(state),
+            held.guess_at(share),
+        );
+
+        // Pressurant.
+        let ambient_pa = self.environment.atmosphere.pressure_pa;
+        let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
+        let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
+        let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+
+        // Mass.
+        let contents = Contents {
+            nitrous_kg: state.nitrous_kg,
+            nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
+            port_radius_m: state.port_radius_m,
+            nitrogen_run_tank_kg: pressurant.tank_kg,
+            nitrogen_bottle_kg: pressurant.bottle_kg,
+        };
+        let nitrogen_kg_s = -(thrusters.nitrogen_kg_s + vent_kg_s);
+        // What fills the room that the liquid leaves, at constant pressure.
+        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
+        let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
+        let run_tank_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
+        let mass = vehicle.mass.evaluate(
+            &contents,
+            &ContentsRate {
+                nitrous_kg_s: -engine.oxidizer_kg_s,
+                port_radius_m_s: engine.regression_rate_m_s,
+                nitrogen_run_tank_kg_s: run_tank_kg_s,
+                nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
+            },
+        );
+        // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
+        // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
+        let burnt_kg_s = engine.oxidizer_kg_s + engine.fuel_kg_s;
+        let flow = self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
+
+        // Loads.
+        let motion = motion(state);
+        let body_from_ned = motion.ned_from_body.transpose();
+        let wind_ned_m_s = self.environment.wind.velocity_ned_m_s(self.mission_s_at(share));
+        let airspeed_body = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
+        let drag = vehicle.aero.drag(
+            self.environment.atmosphere.density_kg_m3,
+            airspeed_body,
+            state.rate_body_rad_s,
+        );
+        let contact = if self.options.ground {
+            vehicle.landing_gear.contact(&self.pads_body_m, &motion, 0.0, &held.anchors, held.grip)
+        } else {
+            Contact::NONE
+        };
+        let thrust = Load {
+            force_body_n: rigid_body::thrust_direction_body(gimbal.angle_rad) * engine.thrust_n,
+            moment_body_n_m: Vec3::zeros(),
+        };
+        let load = thrust
+            + Load { force_body_n: thrusters.force_body_n, moment_body_n_m: thrusters.moment_body_n_m }
+            + drag
+            + contact.load;
+
+        // Slosh, and the balance of momentum.
+        // A stand carries what the other forces leave: the liquid feels gravity alone.
+        let gravity_ned = self.environment.gravity.acceleration_ned_m_s2();
+        let axial_m_s2 = if self.options.clamped {
+            (body_from_ned * gravity_ned).z
+        } else {
+            -load.force_body_n.z / mass.vehicle.mass_kg
+        };
+        let mode = vehicle.slosh.mode(
+            vehicle.mass.tank(),
+            state.nitrous_kg,
+            vehicle.nitrous_density_kg_m3,
+            axial_m_s2,
+        );
+        let slosh_state =
+            SloshState { displacement_body_m: state.slosh_m.xy(), velocity_body_m_s: state.slosh_m_s.xy() };
+        let balance = Balance {
+            vehicle: &mass.vehicle,
+            flow: &flow,
+            rate_body_rad_s: state.rate_body_rad_s,
+            load,
+            slosh: mode.as_ref().map(|mode| (mode, &slosh_state)),
+            swing: vehicle.gimbal.engine_inertia.then_some(Swing { part: &mass.swinging, gimbal }),
+        };
+        let acceleration = if self.options.clamped {
+            rigid_body::clamped(&balance, body_from_ned * gravity_ned).0
+        } else {
+            rigid_body::accelerations(&balance)
+        };
+
+        let imu = Vec3::from(vehicle.sensors.imu.position_m);
+        let lateral = |v: Vector2<f64>| Vec3::new(v.x, v.y, 0.0);
+        let fixed = self.options.clamped;
+        let rate = Rate {
+            position_ned_m: if fixed { Vec3::zeros() } else { state.velocity_ned_m_s },
+            velocity_ned_m_s: if fixed {
+                Vec3::zeros()
+            } else {
+                motion.ned_from_body * acceleration.specific_force_body_m_s2 + gravity_ned
+            },
+            q_ned_from_body: quaternion_rate(&state.q_ned_from_body, state.rate_body_rad_s),
+            rate_body_rad_s: acceleration.angular_body_rad_s2,
+            slosh_m: state.slosh_m_s,
+            slosh_m_s: lateral(acceleration.slosh_body_m_s2),
+            nitrous_kg: -engine.oxidizer_kg_s,
+            nitrogen_kg: nitrogen_kg_s,
+            port_radius_m: engine.regression_rate_m_s,
+            throat_radius_m: engine.throat_erosion_m_s,
+            chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
+            chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
+            burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
+                state.burning_fraction,
+                held.flame.lit,
+                &vehicle.engine_parameters.depletion,
+            ),
+            valve_rad: valve_rate.angle_rad,
+            valve_rad_s: valve_rate.rate_rad_s,
+            gimbal_rad: lateral(gimbal_rate[0]),
+            gimbal_rad_s: lateral(gimbal_rate[1]),
+            rcs_level: rcs_rate,
+            expelled_nozzle_kg: engine.nozzle_kg_s,
+            expelled_rcs_kg: thrusters.nitrogen_kg_s,
+            expelled_vent_kg: vent_kg_s,
+            imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
+            imu_angle_body_rad: state.rate_body_rad_s,
+        };
+        Evaluation {
+            rate,
+            engine,
+            valve_rad: valve.angle_rad,
+            valve_area_m2,
+            gimbal_rad: gimbal.angle_rad,
+            pressurant,
+            mass: mass.vehicle,
+            acceleration,
+            contact,
+            wind_ned_m_s,
+        }
+    }
+
+    /// What moving contents and outflows add to the balance of momentum.
+    fn flow_terms(
+        &self,
+        state: &State,
+        rate: &MassRate,
+        nozzle_kg_s: f64,
+        vent_kg_s: f64,
+        thrusters_kg_s: f64,
+    ) -> FlowTerms {
+        let rcs = &self.vehicle.reaction_control;
+        let levels = levels(state);
+        let level = |pair: Pair| match pair {
+            Pair::A => levels.a,
+            Pair::B => levels.b,
+        };
+        // All thrusters are alike, so each has its share of the flow by its level.
+        let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
+        let per_level_kg_s = if sum > 0.0 { thrusters_kg_s / sum } else { 0.0 };
+        let mut outflows =
+            [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
+        outflows[1] = Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s };
+        for (outflow, thruster) in outflows[2..].iter_mut().zip(&rcs.thruster) {
+            *outflow = Outflow {
+                position_body_m: Vec3::from(thruster.position_m),
+                mass_flow_kg_s: level(thruster.pair) * per_level_kg_s,
+            };
+        }
+        let count = 2 + rcs.thruster.len().min(OUTFLOWS - 2);
+        FlowTerms::new(rate, &outflows[..count])
+    }
+
+    /// The oxidiser valve behind its play, and the rate of its servo.
+    fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
+        if self.options.ideal {
+            let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
+            return (output, ServoState::default());
+        }
+        let servo = &self.vehicle.valve_servo;
+        let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
+        let rate = servo.rate(&at, self.held.valve_command_rad);
+        let output = servo.output(&at, &rate, self.held.valve_play_rad);
+        (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
+    }
+
+    /// Gimbal behind its play, and the rates of angles and rates of its servos.
+    fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
+        if self.options.ideal_gimbal {
+            let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };
+            return (motion, [Vector2::zeros(); 2]);
+        }
+        let servo = &self.vehicle.gimbal_servo;
+        let axis = |axis: usize| {
+            let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
+            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis]);
+            (servo.output(&at, &rate, self.held.gimbal_play_rad[axis]), rate)
+        };
+        let ((x, x_rate), (y, y_rate)) = (axis(0), axis(1));
+        let motion = GimbalMotion {
+            angle_rad: Vector2::new(x.angle_rad, y.angle_rad),
+            rate_rad_s: Vector2::new(x.rate_rad_s, y.rate_rad_s),
+            acceleration_rad_s2: Vector2::new(x.acceleration_rad_s2, y.acceleration_rad_s2),
+        };
+        let rates = [
+            Vector2::new(x_rate.rate_rad_s, y_rate.rate_rad_s),
+            Vector2::new(x_rate.acceleration_rad_s2, y_rate.acceleration_rad_s2),
+        ];
+        (motion, rates)
+    }
+}
+
+fn levels(state: &State) -> PairLevels {
+    PairLevels { a: state.rcs_level.x, b: state.rcs_level.y }
+}

@@ -1,0 +1,141 @@
+//! What happens between steps: stops, play, flame, depletion, feet. Only here is the state assigned.
+
+use super::{Evaluation, Plant, State, motion};
+use crate::actuator::ServoState;
+use crate::dynamics::rigid_body::SolveStatus;
+use crate::propulsion::FlameConditions;
+
+/// The feed's tables are rebuilt when the tank pressure has moved by so much (Pa): 1e-3 of flow. A rebuild costs
+/// some steps' time, so it waits until something flows.
+const FEED_TOLERANCE_PA: f64 = 10_000.0;
+
+/// Share of a thruster's level below which it is off.
+const RCS_OFF: f64 = 1e-6;
+
+/// Share of the flow below which a dying flame is out.
+const FLICKER: f64 = 0.02;
+
+/// A valve that is told to shut and is nearer than this is shut (rad, rad/s): 2e-9 m2 of open area.
+const SEATED_RAD: f64 = 1e-3;
+const SEATED_RAD_S: f64 = 0.1;
+
+impl Plant {
+    /// Discrete events after a step.
+    pub(super) fn settle(&mut self) {
+        let now = self.evaluate(&self.state, 0.0);
+        self.snapshot = self.snapshot_of(&now);
+        self.held.look_from(now.engine.guess);
+        if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
+            self.held.singular = true;
+            self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
+        }
+
+        // What integration may leave a rounding below zero.
+        self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
+        self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
+        self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
+
+        // A thruster that has died away is off; its first-order decay would never end.
+        for (axis, open) in [(0, self.held.rcs_open.a), (1, self.held.rcs_open.b)] {
+            if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF {
+                self.state.rcs_level[axis] = 0.0;
+            }
+        }
+
+        // A ball that is told to shut seats; a servo alone would only ever come near.
+        if self.held.valve_command_rad == 0.0
+            && self.state.valve_rad.abs() < SEATED_RAD
+            && self.state.valve_rad_s.abs() < SEATED_RAD_S
+        {
+            self.state.valve_rad = 0.0;
+            self.state.valve_rad_s = 0.0;
+            self.held.valve_play_rad = 0.0;
+        }
+
+        // Play.
+        let state = &self.state;
+        let at = |angle_rad: f64| ServoState { angle_rad, rate_rad_s: 0.0 };
+        if state.valve_rad > 0.0 {
+            self.held.valve_play_rad =
+                self.vehicle.valve_servo.held_after(&at(state.valve_rad), self.held.valve_play_rad);
+        }
+        for axis in 0..2 {
+            self.held.gimbal_play_rad[axis] = self
+                .vehicle
+                .gimbal_servo
+                .held_after(&at(state.gimbal_rad[axis]), self.held.gimbal_play_rad[axis]);
+        }
+
+        self.settle_flame(&now);
+
+        // Depletion.
+        if !self.held.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
+            self.held.nitrous_depleted = true;
+            self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
+        }
+        if now.pressurant.regulated {
+            self.held.bottle_low = false;
+        } else if !self.held.bottle_low {
+            self.held.bottle_low = true;
+            self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
+        }
+        let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
+        if flows && (now.pressurant.tank_pa - self.held.feed.built_for().0).abs() > FEED_TOLERANCE_PA {
+            self.held.feed.rebuild(now.pressurant.tank_pa, self.vehicle.tank.temperature_k);
+        }
+
+        // Feet.
+        if self.options.ground {
+            let motion = motion(&self.state);
+            let gear = &self.vehicle.landing_gear;
+            self.held.anchors =
+                gear.anchors_after(&self.pads_body_m, &motion, 0.0, &self.held.anchors, self.held.grip);
+        }
+    }
+
+    /// Lights or goes out; notices when fuel begins to limit the flame.
+    fn settle_flame(&mut self, now: &Evaluation) {
+        let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
+        let burning = self.condition(&self.state).burning_fraction;
+        if now.engine.fuel_kg_s > 0.0 && burning > 0.0 {
+            self.held.full_fuel_kg_s = now.engine.fuel_kg_s / burning;
+        }
+        let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
+        if !self.held.burnt_through
+            && self.held.full_fuel_kg_s > 0.0
+            && self.usable_fuel_kg(&self.state) < tail_s * self.held.full_fuel_kg_s
+        {
+            self.held.burnt_through = true;
+            self.note("fuel_burn_through", chamber());
+        }
+        let flame = self.vehicle.engine_parameters.ignition.advance(
+            &self.held.flame,
+            &FlameConditions {
+                time: self.time,
+                igniter: self.held.igniter,
+                oxidizer_kg_s: now.engine.oxidizer_kg_s,
+                chamber_pa: now.engine.chamber_pa,
+                // What burns goes on into its tail until it is a flicker; what is out stays out.
+                fuel_left: !self.held.burnt_through || (self.held.flame.lit && burning > FLICKER),
+            },
+        );
+        match (self.held.flame.lit, flame.lit) {
+            (false, true) => {
+                self.held.ignition.get_or_insert(self.time);
+                self.note("ignition", chamber());
+            }
+            (true, false) => {
+                self.state.burning_fraction = 0.0;
+                self.note("shutdown", chamber());
+            }
+            _ => {}
+        }
+        self.held.flame = flame;
+    }
+
+    /// Fuel that can still burn: ports that meet leave slivers (kg).
+    pub(super) fn usable_fuel_kg(&self, state: &State) -> f64 {
+        let grain = &self.vehicle.engine_parameters.grain;
+        (self.fuel_kg(state) - grain.fuel_kg(grain.burn_through_radius_m())).max(0.0)
+    }
+}

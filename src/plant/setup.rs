@@ -1,0 +1,210 @@
+//! The plant at step 0: on its legs, or in the air with the engine steady.
+
+use nalgebra::{Quaternion, Vector2};
+
+use super::sequence::Sequence;
+use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
+use crate::actuator::DelayLine;
+use crate::dynamics::landing_gear::{Anchors, Grip};
+use crate::environment::Environment;
+use crate::frame::{self, Vec3};
+use crate::input::Invalid;
+use crate::propulsion::{
+    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, Guess, Modulator, PairLevels,
+};
+use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
+use crate::signal::{ActuatorCommand, Throttle};
+use crate::time::SimTime;
+
+impl Plant {
+    /// The same with another step, to see what the integration contributes.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn with_step(scenario: &Scenario, step: SimTime) -> Result<Self, Invalid> {
+        let vehicle = scenario.vehicle.clone();
+        let start = &scenario.file.initial;
+        let running = start.engine == EngineStart::Running;
+        let actuators = scenario.file.actuators;
+        let options = Options {
+            ground: start.place == Place::Pad,
+            clamped: start.clamped,
+            open_loop: scenario.schedule.is_some(),
+            ideal: actuators.ideal,
+            ideal_gimbal: actuators.ideal && actuators.gimbal != Some(GimbalActuator::Servo),
+        };
+        if options.clamped && (start.velocity_ned_m_s != [0.0; 3] || start.rate_body_rad_s != [0.0; 3]) {
+            return Err(Invalid::new("initial.clamped", "a clamped vehicle has neither velocity nor rate"));
+        }
+        if options.ideal_gimbal && vehicle.gimbal.engine_inertia {
+            return Err(Invalid::new(
+                "model.gimbal_inertia",
+                "must be false with an ideal gimbal: a step in angle would have infinite acceleration",
+            ));
+        }
+        let nitrous_kg = start.nitrous_kg.unwrap_or_else(|| vehicle.initial_nitrous_kg());
+        if nitrous_kg > vehicle.tank_capacity_kg() {
+            return Err(Invalid::new(
+                "initial.nitrous_kg",
+                format!(
+                    "{nitrous_kg} is out of range; the tank holds 0 to {:.3}",
+                    vehicle.tank_capacity_kg()
+                ),
+            ));
+        }
+        let port_radius_m = start.port_radius_m.unwrap_or(vehicle.engine_parameters.grain.port_radius_m);
+        let burn_through_m = vehicle.engine_parameters.grain.burn_through_radius_m();
+        if port_radius_m > burn_through_m {
+            return Err(Invalid::new(
+                "initial.port_radius_m",
+                format!("{port_radius_m} is out of range; allowed up to burn-through at {burn_through_m}"),
+            ));
+        }
+        let nitrogen_kg =
+            start.nitrogen_kg.unwrap_or_else(|| vehicle.initial_nitrogen_kg(vehicle.initial_nitrous_kg()));
+        let throat_radius_m =
+            start.throat_radius_m.unwrap_or(0.5 * vehicle.engine_parameters.nozzle.throat_diameter_m);
+        let widest_m = vehicle.engine.nozzle().greatest_throat_radius_m();
+        if throat_radius_m > widest_m {
+            return Err(Invalid::new(
+                "initial.throat_radius_m",
+                format!("{throat_radius_m} is out of range; allowed up to {widest_m:.6}, short of the exit"),
+            ));
+        }
+        let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
+        let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
+        let q = start.q_ned_from_body;
+        let state = State {
+            position_ned_m: Vec3::from(start.position_ned_m),
+            velocity_ned_m_s: Vec3::from(start.velocity_ned_m_s),
+            q_ned_from_body: Quaternion::new(q[0], q[1], q[2], q[3]).normalize(),
+            rate_body_rad_s: Vec3::from(start.rate_body_rad_s),
+            nitrous_kg,
+            nitrogen_kg,
+            port_radius_m,
+            throat_radius_m,
+            ..State::EMPTY
+        };
+        let mut plant = Self {
+            environment,
+            options,
+            pads_body_m: vehicle.landing_gear.pads_body_m(),
+            outlets: Outlets {
+                nozzle: Vec3::new(0.0, 0.0, -vehicle.engine_parameters.nozzle.exit_z_m),
+                vent: Vec3::new(0.0, 0.0, -(vehicle.tank.floor_z_m + vehicle.tank.length_m)),
+            },
+            rest_height_m: 0.0,
+            step,
+            time: SimTime::ZERO,
+            state,
+            held: Held {
+                valve_command_rad: 0.0,
+                gimbal_command_rad: Vector2::zeros(),
+                valve_delay: DelayLine::for_interval(SimTime::from_s(vehicle.valve_delay_s), 0.0, step),
+                gimbal_delay: DelayLine::for_interval(
+                    SimTime::from_s(vehicle.gimbal.delay_s),
+                    [0.0; 2],
+                    step,
+                ),
+                valve_play_rad: 0.0,
+                gimbal_play_rad: Vector2::zeros(),
+                isolation: if running { 1.0 } else { 0.0 },
+                vent: 0.0,
+                grip: if options.ground && !running { Grip::Held } else { Grip::Free },
+                anchors: Anchors::default(),
+                feed: FeedMap::new(nitrogen.tank_pa, vehicle.tank.temperature_k),
+                guess: Guess::default(),
+                guess_trend: Guess::default(),
+                modulator: Modulator::default(),
+                rcs_open: PairLevels::default(),
+                demand: Demand {
+                    throttle: Throttle::ValveRad(0.0),
+                    solved: None,
+                    valve_rad: 0.0,
+                    thrust_n: 0.0,
+                },
+                flame: Flame { lit: running, was_lit: running, ..Flame::default() },
+                igniter: false,
+                ignition: running.then_some(SimTime::ZERO),
+                full_fuel_kg_s: 0.0,
+                burnt_through: false,
+                nitrous_depleted: nitrous_kg <= vehicle.tank.unusable_nitrous_kg,
+                bottle_low: false,
+                saturated: None,
+                singular: false,
+            },
+            sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
+            events: Vec::new(),
+            snapshot: Snapshot::default(),
+            vehicle,
+        };
+        let weight_n =
+            plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
+        plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
+        if options.ground {
+            plant.stand()?;
+        }
+        if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
+            plant.run_steady(schedule.at(SimTime::ZERO));
+        }
+        plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
+        Ok(plant)
+    }
+
+    /// Puts the vehicle on its legs, at rest and upright.
+    fn stand(&mut self) -> Result<(), Invalid> {
+        if frame::tilt_rad(&self.state.attitude()) > 1e-3 {
+            return Err(Invalid::new("initial.q_ned_from_body", "on the pad the vehicle stands upright"));
+        }
+        self.state.position_ned_m.z = -self.rest_height_m;
+        self.state.velocity_ned_m_s = Vec3::zeros();
+        self.state.rate_body_rad_s = Vec3::zeros();
+        let motion = motion(&self.state);
+        let gear = &self.vehicle.landing_gear;
+        self.held.anchors =
+            gear.anchors_after(&self.pads_body_m, &motion, 0.0, &Anchors::default(), Grip::Free);
+        Ok(())
+    }
+
+    /// Lights the engine and brings it to its steady state under a command, at step 0.
+    pub(super) fn run_steady(&mut self, command: &ActuatorCommand) {
+        self.state.burning_fraction = 1.0;
+        self.obey(command);
+        self.state.valve_rad = self.held.demand.valve_rad;
+        self.held.valve_command_rad = self.held.demand.valve_rad;
+        self.held.valve_play_rad = self.held.demand.valve_rad;
+        self.held.valve_delay = DelayLine::for_interval(
+            SimTime::from_s(self.vehicle.valve_delay_s),
+            self.state.valve_rad,
+            self.step,
+        );
+        if self.vehicle.engine_parameters.chamber.model == ChamberModel::Filling {
+            self.fill_chamber();
+        }
+    }
+
+    /// Lets the chamber fill at the present valve angle until nothing changes any more.
+    fn fill_chamber(&mut self) {
+        let area_m2 = self.vehicle.engine.valve_area().area_m2(self.state.valve_rad);
+        let at_rest = self.vehicle.engine.gas_at_rest(&self.condition(&self.state));
+        let mut gas = at_rest;
+        let rate = |gas: ChamberGas| {
+            let condition = EngineCondition { chamber_gas: Some(gas), ..self.condition(&self.state) };
+            self.vehicle
+                .engine
+                .operating_point(&self.held.feed, area_m2, &condition, self.held.guess)
+                .chamber_gas_rate
+        };
+        let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {
+            oxidizer_kg: gas.oxidizer_kg + rate.oxidizer_kg_s * dt_s,
+            fuel_kg: gas.fuel_kg + rate.fuel_kg_s * dt_s,
+        };
+        // Midpoint steps of 0.5 ms over a second: sixty time constants of the largest chamber.
+        for _ in 0..2_000 {
+            let half = moved(gas, rate(gas), 0.25e-3);
+            gas = moved(gas, rate(half), 0.5e-3);
+        }
+        self.state.chamber_oxidizer_kg = gas.oxidizer_kg;
+        self.state.chamber_fuel_kg = gas.fuel_kg;
+    }
+}
