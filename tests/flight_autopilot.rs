@@ -475,11 +475,3 @@ fn alignment_finds_level_heading_and_gyroscope_bias() {
         assert!(bias < 4.0 * 1.3e-4, "seed {seed}: {bias}");
     }
 }
-
-#[test]
-#[ignore = "a trace to look at"]
-fn trace() {
-    let seed = std::env::var("SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
-    let flight = fly(Mission::default(), Conditions::dispersed(seed), true);
-    eprintln!("{flight:#?}");
-}
