@@ -30,7 +30,7 @@ struct Flight {
     disarmed: bool,
 }
 
-fn fly(mission: Mission, conditions: Conditions, trace: bool) -> Flight {
+fn fly(mission: Mission, conditions: Conditions) -> Flight {
     let mut autopilot = Autopilot::new(parameters(mission.clone(), conditions.rtk));
     let mut plant = Plant::new(conditions);
     let mut command = ActuatorCommand::SAFE;
@@ -47,39 +47,6 @@ fn fly(mission: Mission, conditions: Conditions, trace: bool) -> Flight {
         let e = autopilot.estimate();
         if autopilot.phase() != phase {
             phase = autopilot.phase();
-            if trace {
-                eprintln!("{:7.3} phase {}", plant.time_s(), phase.name());
-            }
-        }
-        if trace && plant.steps.is_multiple_of(1000) {
-            let r = autopilot.reference();
-            eprintln!(
-                "{:7.2} {:9} h {:6.2} ref {:6.2} v {:5.2} ref {:5.2} | pos {:6.2} {:6.2} err {:5.2} {:5.2} {:5.2} | tilt {:5.2} rates {:6.3} {:6.3} {:6.3} | T {:5.0} cmd {:?} trim {:5.3} m {:6.2}/{:6.2} g {:5.2} {:5.2} roll {:4.1} slosh {:.4}",
-                plant.time_s(),
-                phase.name(),
-                plant.height_m(),
-                -0.741 - r.position_ned_m.z,
-                -plant.velocity_ned_m_s.z,
-                -r.velocity_ned_m_s.z,
-                plant.position_ned_m.x,
-                plant.position_ned_m.y,
-                e.position_ned_m.x - plant.position_ned_m.x,
-                e.position_ned_m.y - plant.position_ned_m.y,
-                e.position_ned_m.z - plant.position_ned_m.z,
-                hopbench::frame::tilt_rad(&plant.q).to_degrees(),
-                plant.rate.x,
-                plant.rate.y,
-                plant.rate.z,
-                plant.thrust_n,
-                command.throttle,
-                e.thrust_trim,
-                e.mass_kg,
-                plant.mass_kg(),
-                command.gimbal_x_rad.to_degrees(),
-                command.gimbal_y_rad.to_degrees(),
-                command.rcs_roll,
-                plant.slosh_m[0]
-            );
         }
         greatest_height_m = greatest_height_m.max(plant.height_m());
         if plant.touchdown.is_none() && plant.lift_off_s.is_some() {
@@ -194,7 +161,7 @@ impl Worst {
 fn hop_of_50_m_in_wind_lands_within_limits_on_every_seed() {
     let mut worst = Worst::default();
     for seed in 0..24 {
-        let flight = fly(Mission::default(), Conditions::dispersed(seed), false);
+        let flight = fly(Mission::default(), Conditions::dispersed(seed));
         judge(&flight, seed);
         assert!(flight.airborne_s <= 38.0, "seed {seed}: {flight:?}");
         assert!(flight.greatest_terminal_speed_m_s <= 0.85, "seed {seed}: {flight:?}");
@@ -208,7 +175,7 @@ fn hop_of_50_m_in_wind_lands_within_limits_on_every_seed() {
 fn hop_of_5_m_in_wind_lands_within_limits_on_every_seed() {
     let mut worst = Worst::default();
     for seed in 100..124 {
-        let flight = fly(hop_5m(), Conditions::dispersed(seed), false);
+        let flight = fly(hop_5m(), Conditions::dispersed(seed));
         judge(&flight, seed);
         worst.add(&flight);
     }
@@ -219,7 +186,7 @@ fn hop_of_5_m_in_wind_lands_within_limits_on_every_seed() {
 fn landing_beside_the_start_is_reached() {
     let mission = Mission { target_north_east_m: [8.0, -5.0], ..Mission::default() };
     for seed in 200..206 {
-        judge(&fly(mission.clone(), Conditions::dispersed(seed), false), seed);
+        judge(&fly(mission.clone(), Conditions::dispersed(seed)), seed);
     }
 }
 
@@ -246,7 +213,7 @@ fn loops_have_margin_against_dead_time_slow_servos_and_undamped_slosh() {
     ];
     for (name, conditions) in corners {
         let seed = conditions.seed;
-        let flight = fly(Mission::default(), conditions, false);
+        let flight = fly(Mission::default(), conditions);
         let mut worst = Worst::default();
         worst.add(&flight);
         worst.report(name);
@@ -354,7 +321,7 @@ fn any_one_sensor_may_be_missing() {
     ];
     for (name, conditions) in cases {
         let seed = conditions.seed;
-        let flight = fly(Mission::default(), conditions, false);
+        let flight = fly(Mission::default(), conditions);
         eprintln!(
             "{name}: vertical {:.3}, lateral {:.3} m/s, control {:.3}, navigation {:.3} m",
             flight.touchdown.vertical_speed_m_s,
