@@ -59,10 +59,10 @@
 //!
 //! # Invariants
 //!
-//! * Mass on board plus mass gone is constant to round-off; fuel never grows; nitrogen leaves by thrusters and
+//! * Mass on board plus mass gone is constant to 1e-9, mostly to round-off; fuel never grows; nitrogen leaves by thrusters and
 //!   vent only.
 //! * Without flow the thrust is exactly zero; it is never negative.
-//! * `derivative` is pure ([`plant::Plant::evaluate`]); commands, ignition, contact, sampling and noise happen
+//! * The rate of the state is pure ([`plant::Plant::evaluate`]); commands, ignition, contact, sampling and noise happen
 //!   between steps.
 //! * No input makes a panic or a number that is not finite.
 

@@ -1,4 +1,4 @@
-//! What happens between steps: stops, play, flame, depletion, feet. Only here is the state assigned.
+//! What happens between steps: stops, play, flame, depletion, feet.
 
 use super::{Evaluation, Plant, State, motion};
 use crate::actuator::ServoState;
