@@ -4,7 +4,7 @@
 //!
 //! Rounds of 8 s of the open-loop reference run a; the yardstick is 3.3 us a step.
 
-#![allow(clippy::disallowed_methods)] // a benchmark reads the clock
+#![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
 #[path = "../tests/files/mod.rs"]
 mod files;
