@@ -136,6 +136,7 @@ impl Plant {
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
+            settled: None,
             vehicle,
         };
         let weight_n =

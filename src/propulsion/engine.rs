@@ -48,7 +48,7 @@ pub struct Engine {
 }
 
 /// What the engine's answer depends on beside tank and valve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EngineCondition {
     /// Radius of the ports (m).
     pub port_radius_m: f64,
