@@ -8,6 +8,8 @@
 mod command;
 mod continuous;
 mod discrete;
+mod freeze;
+mod paper;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -31,12 +33,14 @@ use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
     EngineCondition, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
 };
-use crate::scenario::Scenario;
+use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
+use freeze::Frozen;
+use paper::Paper;
 use sequence::Sequence;
 
 /// The plant's step, unless a test asks for another.
@@ -57,6 +61,9 @@ pub struct Plant {
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
+    frozen: Frozen,
+    /// `None`: full fidelity.
+    paper: Option<Paper>,
     settled: Option<Settled>,
 }
 
@@ -99,6 +106,7 @@ struct Options {
     ideal: bool,
     /// The gimbal follows at once.
     ideal_gimbal: bool,
+    integrator: IntegratorKind,
 }
 
 /// Where mass leaves, body FRD (m).
@@ -218,12 +226,20 @@ impl Plant {
 
     /// One step under a command: the block diagram.
     pub fn step(&mut self, command: &ActuatorCommand) {
-        self.obey(command);
-        let first = self.first_rate();
-        let dt_s = self.step.s();
-        self.state =
-            rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate);
-        self.state.q_ned_from_body.normalize_mut();
+        if self.paper.is_some() {
+            self.step_paper(command);
+        } else {
+            self.obey(command);
+            let dt_s = self.step.s();
+            let first = self.first_rate();
+            self.state = match self.options.integrator {
+                IntegratorKind::Rk4 => {
+                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate)
+                }
+                IntegratorKind::Euler => self.state.advanced(&first, dt_s),
+            };
+            self.state.q_ned_from_body.normalize_mut();
+        }
         self.time = self.time + self.step;
         self.settle();
     }
