@@ -189,18 +189,21 @@ impl ThrottleMap {
     pub fn svg(&self) -> Result<String> {
         let mut text = String::new();
         {
-            let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+            let root = SVGBackend::with_string(&mut text, (px(SIZE.0) as u32, px(SIZE.1) as u32))
+                .into_drawing_area();
             self.draw(&root).map_err(|e| anyhow!("cannot draw the throttle map: {e}"))?;
         }
-        Ok(text)
+        // The view box stays; the picture's own size is that of the page.
+        let fine = format!("width=\"{}\" height=\"{}\"", px(SIZE.0), px(SIZE.1));
+        Ok(text.replacen(&fine, &format!("width=\"{}\" height=\"{}\"", SIZE.0, SIZE.1), 1))
     }
 
     fn draw(&self, root: &Area<'_>) -> Drawn {
         root.fill(&WHITE)?;
-        let (head, rest) = root.split_vertically(HEAD);
-        let (panels, foot) = rest.split_vertically(SIZE.1 as i32 - HEAD - FOOT);
+        let (head, rest) = root.split_vertically(px(HEAD));
+        let (panels, foot) = rest.split_vertically(px(SIZE.1 - HEAD - FOOT));
         self.draw_head(&head)?;
-        let areas = panels.margin(0, 0, 10, 20).split_evenly((3, 2));
+        let areas = panels.margin(0, 0, px(10), px(20)).split_evenly((3, 2));
         for (i, (area, panel)) in areas.iter().zip(PANELS).enumerate() {
             self.draw_panel(area, &panel, i >= 4)?;
         }
@@ -209,12 +212,12 @@ impl ThrottleMap {
 
     fn draw_head(&self, area: &Area<'_>) -> Drawn {
         let title = format!("Throttle map of {}", self.vehicle);
-        area.draw(&Text::new(title, (24, 18), (FONT, 26).into_font().color(&INK)))?;
+        area.draw(&Text::new(title, (px(24), px(18)), letters(26, &INK)))?;
         let condition = format!(
             "steady, lit; port radius {:.1} mm, throat radius {:.2} mm, N2O at {:.1} bar and {:.1} K; 100 % = {:.0} N",
             self.port_radius_mm, self.throat_radius_mm, self.tank_bar, self.tank_k, self.thrust_rated_n
         );
-        area.draw(&Text::new(condition, (24, 52), (FONT, 15).into_font().color(&FAINT)))?;
+        area.draw(&Text::new(condition, (px(24), px(52)), letters(15, &FAINT)))?;
         Ok(())
     }
 
@@ -234,46 +237,46 @@ impl ThrottleMap {
         );
         let mut entries = vec![(BELOW, least), (ABOVE, limit)];
         if self.points.iter().any(|p| p.of_clamped) {
-            entries.push((CLAMPED, "mixture ratio outside the propulsion map: its end holds".to_owned()));
+            entries.push((CLAMPED, "O/F outside the propulsion map: its end holds".to_owned()));
         }
         let mut x = 24;
         for (color, text) in entries {
-            area.draw(&Rectangle::new([(x, 12), (x + 18, 24)], color.filled()))?;
-            area.draw(&Text::new(text.clone(), (x + 26, 12), (FONT, 14).into_font().color(&INK)))?;
-            // The backend has no font to measure by: 0.5 em is the mean width of a letter.
-            x += 26 + 7 * text.chars().count() as i32 + 24;
+            // The backend has no font to measure by: half an em is the mean width of a letter.
+            let width = 7 * text.chars().count() as i32;
+            area.draw(&Rectangle::new([(px(x), px(12)), (px(x + 18), px(24))], color.filled()))?;
+            area.draw(&Text::new(text, (px(x + 26), px(12)), letters(14, &INK)))?;
+            x += 26 + width + 24;
         }
         Ok(())
     }
 
     fn draw_panel(&self, area: &Area<'_>, panel: &Panel, labelled: bool) -> Drawn {
         let last = self.points.last().map_or(1.0, |p| p.throttle_percent);
-        let values = self.points.iter().map(|p| (panel.value)(&p.point));
-        let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
-        let low = if panel.from_zero { 0.0 } else { low - 0.08 * (high - low) };
-        let top = if high > low { high + 0.08 * (high - low) } else { low + 1.0 };
+        let high = self.points.iter().map(|p| (panel.value)(&p.point)).fold(0.0, f64::max);
+        let top = if high > 0.0 { 1.08 * high } else { 1.0 };
         let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .margin_right(22)
-            .set_label_area_size(LabelAreaPosition::Left, 72)
-            .set_label_area_size(LabelAreaPosition::Bottom, if labelled { 48 } else { 28 })
-            .build_cartesian_2d(0.0..last, low..top)?;
+            .margin(px(8))
+            .margin_right(px(22))
+            .set_label_area_size(LabelAreaPosition::Left, px(72))
+            .set_label_area_size(LabelAreaPosition::Bottom, px(if labelled { 48 } else { 28 }))
+            .build_cartesian_2d(0.0..last, 0.0..top)?;
 
         let least = (100.0 * self.thrust_command_min_n / self.thrust_rated_n).min(last);
         let most = (100.0 * self.thrust_greatest_n / self.thrust_rated_n).min(last);
         for (from, to, color) in [(0.0, least, BELOW), (most, last, ABOVE)] {
-            chart.draw_series([Rectangle::new([(from, low), (to, top)], color.filled())])?;
+            chart.draw_series([Rectangle::new([(from, 0.0), (to, top)], color.filled())])?;
         }
         let whole = |x: &f64| format!("{x:.0}");
-        let label = |y: &f64| panel.label(*y);
+        let label = |y: &f64| panel.text(*y, 0);
         let mut mesh = chart.configure_mesh();
         mesh.light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(FAINT)
+            .bold_line_style(GRID.stroke_width(SCALE as u32))
+            .axis_style(FAINT.stroke_width(SCALE as u32))
+            .set_all_tick_mark_size(px(5))
             .x_labels(8)
             .y_labels(5)
-            .label_style((FONT, 14).into_font().color(&INK))
-            .axis_desc_style((FONT, 15).into_font().color(&INK))
+            .label_style(letters(14, &INK))
+            .axis_desc_style(letters(15, &INK))
             .x_label_formatter(&whole)
             .y_label_formatter(&label)
             .y_desc(panel.name);
@@ -282,35 +285,48 @@ impl ThrottleMap {
         }
         mesh.draw()?;
 
-        let at = |p: &Demanded| (p.throttle_percent, (panel.value)(&p.point));
-        let parts: [(fn(&Demanded) -> bool, RGBColor, u32); 3] = [
-            (|p| !p.point.saturated && !p.of_clamped, LINE, 3),
-            (|p| p.point.saturated && !p.of_clamped, AT_LIMIT, 3),
-            (|p| p.of_clamped, CLAMPED, 4),
+        let value = |p: &Demanded| (panel.value)(&p.point);
+        // The demand at which the limit is reached lies between two steps: both sides are drawn to it.
+        let limit = self.points.iter().find(|p| p.point.saturated).map(|p| (most, value(p)));
+        let parts: [(Belongs, RGBColor); 3] = [
+            (|p| !p.point.saturated && !p.of_clamped, LINE),
+            (|p| p.point.saturated && !p.of_clamped, AT_LIMIT),
+            (|p| p.of_clamped, CLAMPED),
         ];
-        for (belongs, color, width) in parts {
+        for (belongs, color) in parts {
             // Neighbouring points of one kind make one line.
             for run in self.points.chunk_by(|a, b| belongs(a) == belongs(b)).filter(|run| belongs(&run[0])) {
-                chart.draw_series(LineSeries::new(run.iter().map(at), color.stroke_width(width)))?;
+                let mut line: Vec<(f64, f64)> = run.iter().map(|p| (p.throttle_percent, value(p))).collect();
+                let next = 1.0 + line[line.len() - 1].0;
+                match limit {
+                    Some(limit) if run[0].point.saturated => line.insert(0, limit),
+                    Some(limit) if next > limit.0 => line.push(limit),
+                    _ => {}
+                }
+                chart.draw_series(LineSeries::new(line, color.stroke_width(3 * SCALE as u32)))?;
             }
         }
         let rated = self.points.iter().find(|p| p.throttle_percent >= 100.0 && !p.point.saturated);
-        if let Some(demanded) = rated {
-            let (x, y) = at(demanded);
-            chart.draw_series([Circle::new((x, y), 5, LINE.filled())])?;
-            let side = if panel.label_below { VPos::Top } else { VPos::Bottom };
-            let style = (FONT, 14).into_font().color(&LINE).pos(Pos::new(HPos::Right, side));
-            let (dx, dy) = (-8, if panel.label_below { 8 } else { -6 });
-            chart.draw_series([EmptyElement::at((x, y)) + Text::new(panel.exact(y), (dx, dy), style)])?;
+        if let Some(rated) = rated {
+            let at = (rated.throttle_percent, value(rated));
+            chart.draw_series([Circle::new(at, px(5), LINE.filled())])?;
+            // Above the curve: left of a rising one, right of a falling one.
+            let falls = self.points.first().is_some_and(|first| value(first) > at.1);
+            let (side, dx) = if falls { (HPos::Left, 8) } else { (HPos::Right, -8) };
+            let style = letters(14, &LINE).pos(Pos::new(side, VPos::Bottom));
+            let text = Text::new(panel.text(at.1, 1), (px(dx), px(-6)), style);
+            chart.draw_series([EmptyElement::at(at) + text])?;
         }
         Ok(())
     }
 }
 
+type Belongs = fn(&Demanded) -> bool;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
-const SIZE: (u32, u32) = (1200, 1080);
+/// Size of the picture and of its parts (pixels).
+const SIZE: (i32, i32) = (1200, 1080);
 const HEAD: i32 = 84;
 const FOOT: i32 = 40;
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
@@ -323,62 +339,37 @@ const CLAMPED: RGBColor = RGBColor(230, 145, 20);
 const BELOW: RGBColor = RGBColor(240, 241, 243);
 const ABOVE: RGBColor = RGBColor(251, 229, 225);
 
+/// The backend places everything on whole units: so many of them make a pixel.
+const SCALE: i32 = 8;
+
+/// Units of so many pixels.
+fn px(pixels: i32) -> i32 {
+    SCALE * pixels
+}
+
+/// Letters of a height in pixels.
+fn letters(height: i32, color: &RGBColor) -> TextStyle<'static> {
+    (FONT, px(height)).into_font().color(color)
+}
+
 /// What one panel shows.
 struct Panel {
     name: &'static str,
     value: fn(&Point) -> f64,
     decimals: usize,
-    from_zero: bool,
-    label_below: bool,
 }
 
 const PANELS: [Panel; 6] = [
-    Panel { name: "thrust (N)", value: |p| p.thrust_n, decimals: 0, from_zero: true, label_below: false },
-    Panel {
-        name: "valve angle (deg)",
-        value: |p| p.valve_deg,
-        decimals: 0,
-        from_zero: true,
-        label_below: false,
-    },
-    Panel {
-        name: "chamber pressure Pc (bar)",
-        value: |p| p.chamber_pa * 1e-5,
-        decimals: 0,
-        from_zero: true,
-        label_below: false,
-    },
-    Panel {
-        name: "injector inlet P2 (bar)",
-        value: |p| p.injector_inlet_pa * 1e-5,
-        decimals: 0,
-        from_zero: true,
-        label_below: false,
-    },
-    Panel {
-        name: "mixture ratio O/F",
-        value: |p| p.of_ratio,
-        decimals: 1,
-        from_zero: true,
-        label_below: false,
-    },
-    Panel {
-        name: "vapour fraction at P2",
-        value: |p| p.quality,
-        decimals: 2,
-        from_zero: true,
-        label_below: false,
-    },
+    Panel { name: "thrust (N)", value: |p| p.thrust_n, decimals: 0 },
+    Panel { name: "valve angle (deg)", value: |p| p.valve_deg, decimals: 0 },
+    Panel { name: "chamber pressure Pc (bar)", value: |p| p.chamber_pa * 1e-5, decimals: 0 },
+    Panel { name: "injector inlet P2 (bar)", value: |p| p.injector_inlet_pa * 1e-5, decimals: 0 },
+    Panel { name: "mixture ratio O/F", value: |p| p.of_ratio, decimals: 1 },
+    Panel { name: "vapour fraction at P2", value: |p| p.quality, decimals: 2 },
 ];
 
 impl Panel {
-    /// Label of an axis.
-    fn label(&self, value: f64) -> String {
-        format!("{value:.*}", self.decimals)
-    }
-
-    /// A value beside its point: one digit more.
-    fn exact(&self, value: f64) -> String {
-        format!("{value:.*}", self.decimals + 1)
+    fn text(&self, value: f64, more_digits: usize) -> String {
+        format!("{value:.*}", self.decimals + more_digits)
     }
 }
