@@ -156,7 +156,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
-        let valve_area = ValveArea::read(texts.valve_area).map_err(EngineError::ValveArea)?;
+        let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
             grain: engine.grain.clone(),
@@ -211,6 +211,16 @@ impl Engine {
     /// Open area of the valve against its angle.
     pub fn valve_area(&self) -> &ValveArea {
         &self.valve_area
+    }
+
+    /// Least and greatest oxidiser flow that a thrust demand may ask for (kg/s).
+    pub fn demand_kg_s(&self) -> (f64, f64) {
+        self.demand_kg_s
+    }
+
+    /// Mixture ratios between which the propulsion map has data; beyond, its ends hold.
+    pub fn mapped_of_ratios(&self) -> (f64, f64) {
+        self.map.of_span()
     }
 
     /// The fuel grain.
