@@ -142,6 +142,7 @@ impl Plant {
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
         if options.ground {
+            plant.judge_legs()?;
             plant.stand()?;
         }
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
@@ -149,6 +150,22 @@ impl Plant {
         }
         plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
         Ok(plant)
+    }
+
+    /// Legs so stiff for the body on them that the fixed step would make it explode.
+    fn judge_legs(&self) -> Result<(), Invalid> {
+        let fastest_1_s =
+            self.vehicle.landing_gear.fastest_rate_1_s(&self.pads_body_m, self.vehicle.mass.dry());
+        // RK4 is stable within 2.5 of the origin, anywhere in the left half of the plane.
+        let allowed_1_s = 2.5 / self.step.s();
+        if fastest_1_s <= allowed_1_s {
+            return Ok(());
+        }
+        let message = format!(
+            "the dry vehicle on these legs moves at up to {fastest_1_s:.0} 1/s, the step resolves {allowed_1_s:.0}: \
+             softer springs or dampers, pads nearer to the centre of mass, or more inertia"
+        );
+        Err(Invalid::new("landing_gear", message))
     }
 
     /// Puts the vehicle on its legs, at rest and upright.
