@@ -97,7 +97,7 @@ fn deviations(case: &str) -> [f64; 5] {
             *worst = if now.is_nan() { now } else { worst.max(now) };
         }
     }
-    println!("{case}: position, velocity, attitude, rate, slosh {worst:.1e?}");
+    println!("{case}: position, velocity, attitude, rate, slosh {worst:?}");
     worst
 }
 
@@ -133,7 +133,8 @@ fn grain_liquid_and_ullage() {
         top_z_m: -0.055,
         fuel_density_kg_m3: 940.0,
     };
-    let model = MassModel::new(&[], tank, bottle, grain, 1.0);
+    // Neither liquid turns with its tank; RocketPy gives the gas no share either, a solid column here.
+    let model = MassModel::new(&[], tank, bottle, grain, 0.0);
     let mut worst = [0.0f64; 5];
     let mut count = 0;
     for line in ROCKETPY.lines().filter(|line| !line.starts_with('#')).skip(1) {
@@ -150,18 +151,21 @@ fn grain_liquid_and_ullage() {
         let own = model.evaluate(&contents, &ContentsRate::default()).vehicle;
         let inertia = own.inertia_about_com_kg_m2();
         let errors = [
-            model.fuel_kg(&contents) / row[2] - 1.0,
+            model.fuel_kg(&contents) - row[2],
             own.mass_kg / row[5] - 1.0,
             -own.centre_of_mass_body_m().z - row[6],
             inertia[(0, 0)] / row[7] - 1.0,
-            inertia[(2, 2)] / row[8] - 1.0,
+            inertia[(2, 2)] - 0.5 * row[4] * 0.095 * 0.095 - row[8],
         ];
         for (worst, error) in worst.iter_mut().zip(errors) {
             *worst = worst.max(error.abs());
         }
         count += 1;
     }
-    println!("fuel, mass, centre m, Ixx, Izz: {worst:.1e?} over {count} rows");
+    println!("fuel kg, mass (relative), centre m, Ixx (relative), Izz kg m2: {worst:?} over {count} rows");
     assert_eq!(count, 10);
-    assert!(worst.iter().all(|error| *error < 1e-3), "{worst:e?}");
+    // RocketPy's radius and mass come from an integration to 1e-3 of its own and from tables over time: its own fuel
+    // and its own radius disagree by 0.1 g; that is 1e-5 of the mass, at 0.5 m from the centre 4e-5 kg m2 of 0.3.
+    let allowed = [2e-4, 2e-5, 1e-5, 2e-4, 2e-6];
+    assert!(worst.iter().zip(allowed).all(|(error, allowed)| *error < allowed), "{worst:?}");
 }

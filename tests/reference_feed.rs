@@ -79,6 +79,22 @@ fn dyer_flux_of_valve_and_injector() {
     worst.stay_below(&LIMITS);
 }
 
+/// What the tables' error is worth in flight: flows of the reference tank, liquid and flashing, away from Pv.
+#[test]
+fn flux_of_the_reference_tank() {
+    let feed = FeedMap::new(65e5, 290.0);
+    let mut worst = Worst::default();
+    for row in rows(FEED).iter().filter(|row| (row["tank_pa"], row["tank_k"]) == (65e5, 290.0)) {
+        let place = || format!("P2 {:.0}, Pc {:.0}", row["inlet_pa"], row["chamber_pa"]);
+        let inlet = feed.inlet(row["inlet_pa"]);
+        worst.see("valve", inlet.valve_flux_kg_m2_s / row["valve_flux"] - 1.0, place);
+        let injector = feed.injector_flux_kg_m2_s(&inlet, row["chamber_pa"]);
+        worst.see("injector", injector / row["injector_flux"] - 1.0, place);
+    }
+    // 2e-7 of the map's own interpolation (tests/invariant_engine.rs), 2e-8 of the fluid tables.
+    worst.stay_below(&[("valve", 2.5e-7), ("injector", 2.5e-7)]);
+}
+
 const LIMITS: [(&str, f64); 10] = [
     ("tank density", 1e-6),
     ("tank vapour pressure", 1e-6),
