@@ -17,6 +17,9 @@ use super::{EngineParameters, FeedParameters, PaperMode};
 use crate::input::Invalid;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root, table::TableError};
 
+/// What is reported of a mixture with hardly any fuel; far beyond every map.
+const GREATEST_OF_RATIO: f64 = 1e6;
+
 /// Why an engine cannot be made of its parameters.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineError {
@@ -491,7 +494,12 @@ impl<'a> Setting<'a> {
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
         // Of the oxidiser only the burning share takes part; without fuel the map's lean end stands in.
         let lean = engine.map.of_span().1;
-        let of_ratio = if fuel_kg > 0.0 { burning_fraction * oxidizer_kg / fuel_kg } else { lean };
+        // A last trace of fuel would make the ratio infinite.
+        let of_ratio = if fuel_kg > 0.0 {
+            (burning_fraction * oxidizer_kg / fuel_kg).min(GREATEST_OF_RATIO)
+        } else {
+            lean
+        };
         let mixture = engine.map.mixture(of_ratio.min(lean));
         let vessel = Vessel {
             volume_m3: engine.chamber.dead_volume_m3
@@ -574,5 +582,5 @@ impl<'a> Setting<'a> {
 
 /// Quotient that is 0 where it has no meaning.
 fn ratio(oxidizer: f64, fuel: f64) -> f64 {
-    if fuel > 0.0 { oxidizer / fuel } else { 0.0 }
+    if fuel > 0.0 { (oxidizer / fuel).min(GREATEST_OF_RATIO) } else { 0.0 }
 }
