@@ -20,7 +20,8 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::DelayLine;
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
@@ -52,6 +53,7 @@ pub struct Plant {
     time: SimTime,
     state: State,
     held: Held,
+    disturbances: Disturbances,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
@@ -87,9 +89,9 @@ struct Held {
     gimbal_command_rad: Vector2<f64>,
     valve_delay: DelayLine<f64>,
     gimbal_delay: DelayLine<[f64; 2]>,
-    /// Angles behind the play (rad).
-    valve_play_rad: f64,
-    gimbal_play_rad: Vector2<f64>,
+    /// Play and friction of the servos.
+    valve_memory: ServoMemory,
+    gimbal_memory: [ServoMemory; 2],
     /// Openings, 0 shut to 1 open.
     isolation: f64,
     vent: f64,
@@ -116,6 +118,8 @@ struct Held {
     saturated: Option<SimTime>,
     /// The balance of momentum had no solution.
     singular: bool,
+    /// What disturbs the vehicle.
+    disturbed: Effect,
 }
 
 impl Held {
@@ -187,12 +191,21 @@ impl Plant {
         Self::with_step(scenario, STEP)
     }
 
+    /// The same under a seed that replaces the scenario's: turbulence and noisy disturbances follow from it.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn seeded(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
+        Self::at_step_zero(scenario, seed, STEP)
+    }
+
     /// One step under a command: the block diagram.
     pub fn step(&mut self, command: &ActuatorCommand) {
         self.obey(command);
         self.state = rk4_step(&self.state, self.step.s(), |state, share| self.evaluate(state, share).rate);
         self.state.q_ned_from_body.normalize_mut();
         self.time = self.time + self.step;
+        self.disturb(self.step.s());
         self.settle();
     }
 

@@ -46,6 +46,10 @@ pub struct Valve {
     /// Lost motion between servo and ball (rad).
     #[schemars(range(min = 0.0, max = 0.2))]
     pub backlash_rad: f64,
+    /// Coulomb friction of servo and ball, as the error at which the position loop breaks away (rad).
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.2))]
+    pub friction_rad: f64,
     /// Step of the servo's encoder (rad); 0 is none.
     #[schemars(range(min = 0.0, max = 0.1))]
     pub encoder_resolution_rad: f64,

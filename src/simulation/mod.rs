@@ -71,7 +71,7 @@ impl Flight {
     /// # Errors
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
-        let plant = Plant::new(scenario)?;
+        let plant = Plant::seeded(scenario, seed)?;
         let snapshot = *plant.snapshot();
         let mut parameters = scenario.vehicle.sensors.clone();
         if let Some(rate_hz) = instruments.imu_rate_hz {
