@@ -236,7 +236,7 @@ impl Plant {
             let first = self.first_rate();
             self.state = match self.options.integrator {
                 IntegratorKind::Rk4 => {
-                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate)
+                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.rate(state, share))
                 }
                 IntegratorKind::Euler => self.state.advanced(&first, dt_s),
             };
@@ -244,6 +244,12 @@ impl Plant {
         }
         self.time = self.time + self.step;
         self.settle();
+    }
+
+    /// The rate alone: what else an evaluation finds need not be stored.
+    #[inline(never)]
+    fn rate(&self, state: &State, share: f64) -> Rate {
+        self.evaluate(state, share).rate
     }
 
     /// Rate at the beginning of a step.
@@ -257,7 +263,7 @@ impl Plant {
                 );
                 settled.rate
             }
-            None => self.evaluate(&self.state, 0.0).rate,
+            None => self.rate(&self.state, 0.0),
         }
     }
 
