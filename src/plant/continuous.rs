@@ -63,8 +63,15 @@ impl Plant {
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
         let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
-        let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let left = state.nitrogen_kg.max(0.0) / (DRAIN_S * (thrusters.nitrogen_kg_s + vent_kg_s));
+        if left < 1.0 {
+            thrusters.force_body_n *= left;
+            thrusters.moment_body_n_m *= left;
+            thrusters.nitrogen_kg_s *= left;
+            vent_kg_s *= left;
+        }
 
         // Mass.
         let port_radius_m_s = match self.frozen.port_radius_m {
@@ -141,20 +148,22 @@ impl Plant {
         } else {
             -load.force_body_n.z / mass.vehicle.mass_kg
         };
-        let mode = vehicle.slosh.mode(
+        let modes = vehicle.slosh.modes(
             vehicle.mass.tank(),
             state.nitrous_kg,
             vehicle.nitrous_density_kg_m3,
             axial_m_s2,
         );
-        let slosh_state =
-            SloshState { displacement_body_m: state.slosh_m.xy(), velocity_body_m_s: state.slosh_m_s.xy() };
+        let slosh_states =
+            [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
+                .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() });
+        let sloshing = |n: usize| modes[n].as_ref().map(|mode| (mode, &slosh_states[n]));
         let balance = Balance {
             vehicle: &mass.vehicle,
             flow: &flow,
             rate_body_rad_s: state.rate_body_rad_s,
             load,
-            slosh: mode.as_ref().map(|mode| (mode, &slosh_state)),
+            slosh: [sloshing(0), sloshing(1)],
             swing: vehicle.gimbal.engine_inertia.then_some(Swing { part: &mass.swinging, gimbal }),
         };
         let acceleration = if self.options.clamped {
@@ -176,7 +185,9 @@ impl Plant {
             q_ned_from_body: quaternion_rate(&state.q_ned_from_body, state.rate_body_rad_s),
             rate_body_rad_s: acceleration.angular_body_rad_s2,
             slosh_m: state.slosh_m_s,
-            slosh_m_s: lateral(acceleration.slosh_body_m_s2),
+            slosh_m_s: lateral(acceleration.slosh_body_m_s2[0]),
+            second_slosh_m: state.second_slosh_m_s,
+            second_slosh_m_s: lateral(acceleration.slosh_body_m_s2[1]),
             nitrous_kg: -engine.oxidizer_kg_s,
             nitrogen_kg: nitrogen_kg_s,
             port_radius_m: port_radius_m_s,
