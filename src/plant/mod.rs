@@ -4,6 +4,9 @@
 //! per stage of the integrator: servos, feed and combustion, mass, loads, balance of momentum. Whatever
 //! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
 //! isolation and vent valves, contact anchors, pulses of the thrusters, events.
+//!
+//! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings held still for
+//! studies (`freeze.rs`).
 
 mod command;
 mod continuous;
