@@ -51,7 +51,7 @@ pub struct Engine {
 }
 
 /// What the engine's answer depends on beside tank and valve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EngineCondition {
     /// Radius of the ports (m).
     pub port_radius_m: f64,
@@ -159,7 +159,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
-        let valve_area = ValveArea::read(texts.valve_area).map_err(EngineError::ValveArea)?;
+        let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
             grain: engine.grain.clone(),
@@ -216,6 +216,16 @@ impl Engine {
         &self.valve_area
     }
 
+    /// Least and greatest oxidiser flow that a thrust demand may ask for (kg/s).
+    pub fn demand_kg_s(&self) -> (f64, f64) {
+        self.demand_kg_s
+    }
+
+    /// Mixture ratios between which the propulsion map has data; beyond, its ends hold.
+    pub fn mapped_of_ratios(&self) -> (f64, f64) {
+        self.map.of_span()
+    }
+
     /// The fuel grain.
     pub fn grain(&self) -> &Grain {
         &self.grain
@@ -224,6 +234,29 @@ impl Engine {
     /// The nozzle.
     pub fn nozzle(&self) -> &Nozzle {
         &self.nozzle
+    }
+
+    /// Combustion products.
+    pub(super) fn map(&self) -> &CombustionMap {
+        &self.map
+    }
+
+    /// Growth of the throat (m/s) at a chamber pressure.
+    pub(super) fn erosion_m_s(&self, condition: &EngineCondition, chamber_pa: f64) -> f64 {
+        self.setting(condition).erosion_m_s(chamber_pa)
+    }
+
+    /// The engine without flow, quasi-steady.
+    pub(super) fn at_rest(&self, ambient_pa: f64) -> OperatingPoint {
+        let condition = EngineCondition {
+            port_radius_m: self.grain.port_radius_m,
+            throat_radius_m: self.nozzle.throat_radius_m(),
+            burning_fraction: 0.0,
+            ambient_pa,
+            chamber_gas: None,
+            oxidizer_flow_limit_kg_s: 0.0,
+        };
+        self.setting(&condition).closed(None)
     }
 
     /// Gas of a chamber at rest: unburnt, at ambient pressure.
