@@ -238,7 +238,7 @@ fn a_constant_share_of_the_liquid_is_not_what_sloshes() {
     let density = motion::FULL.nitrous_density_kg_m3;
     let mut slosh = |model: SloshModel, kg: f64| {
         reference.slosh.model = model;
-        reference.slosh.mode(&tank, kg, density, G0).unwrap()
+        reference.slosh.modes(&tank, kg, density, G0)[0].unwrap()
     };
     let (two_way, paper) = (SloshModel::TwoWay, SloshModel::OneWayPaper);
     near(slosh(paper, 13.4717).mass_kg, 1.00, 0.015, "paper's mass, full, kg");

@@ -147,7 +147,7 @@ fn slosh_mode_and_its_oscillator() {
     let reference = motion::reference_vehicle();
     let tank = reference.model.tank();
     let mode =
-        |kg: f64, g: f64| reference.slosh.mode(tank, kg, motion::FULL.nitrous_density_kg_m3, g).unwrap();
+        |kg: f64, g: f64| reference.slosh.modes(tank, kg, motion::FULL.nitrous_density_kg_m3, g)[0].unwrap();
     let rows = rows::<6>(SLOSH);
     let (mut frequency, mut mass, mut station) = (0.0, 0.0, 0.0);
     for [_, kg, g, omega, slosh_kg, z_m] in rows.iter().filter(|row| row[0] == 0.0) {

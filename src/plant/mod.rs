@@ -22,7 +22,8 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::DelayLine;
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
@@ -43,9 +44,6 @@ use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
 
-/// The plant's step, unless a test asks for another.
-pub const STEP: SimTime = SimTime::from_us(1_000);
-
 /// The vehicle in its world.
 pub struct Plant {
     vehicle: Vehicle,
@@ -58,6 +56,7 @@ pub struct Plant {
     time: SimTime,
     state: State,
     held: Held,
+    disturbances: Disturbances,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
@@ -124,9 +123,9 @@ struct Held {
     gimbal_command_rad: Vector2<f64>,
     valve_delay: DelayLine<f64>,
     gimbal_delay: DelayLine<[f64; 2]>,
-    /// Angles behind the play (rad).
-    valve_play_rad: f64,
-    gimbal_play_rad: Vector2<f64>,
+    /// Play and friction of the servos.
+    valve_memory: ServoMemory,
+    gimbal_memory: [ServoMemory; 2],
     /// Openings, 0 shut to 1 open.
     isolation: f64,
     vent: f64,
@@ -153,6 +152,8 @@ struct Held {
     saturated: Option<SimTime>,
     /// The balance of momentum had no solution.
     singular: bool,
+    /// What disturbs the vehicle.
+    disturbed: Effect,
 }
 
 impl Held {
@@ -221,7 +222,15 @@ impl Plant {
     /// # Errors
     /// When the initial state contradicts the vehicle.
     pub fn new(scenario: &Scenario) -> Result<Self, Invalid> {
-        Self::with_step(scenario, STEP)
+        Self::seeded(scenario, scenario.file.seed)
+    }
+
+    /// The same under a seed that replaces the scenario's: turbulence and noisy disturbances follow from it.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn seeded(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
+        Self::at_step_zero(scenario, seed, SimTime::from_s(scenario.file.physics.step_s))
     }
 
     /// One step under a command: the block diagram.
@@ -241,6 +250,7 @@ impl Plant {
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
+        self.disturb(self.step.s());
         self.settle();
     }
 

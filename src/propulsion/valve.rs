@@ -69,6 +69,10 @@ pub struct Valve {
     /// Lost motion between servo and ball (rad).
     #[schemars(range(min = 0.0, max = 0.2))]
     pub backlash_rad: f64,
+    /// Coulomb friction of servo and ball, as the error at which the position loop breaks away (rad).
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.2))]
+    pub friction_rad: f64,
     /// Step of the servo's encoder (rad); 0 is none.
     #[schemars(range(min = 0.0, max = 0.1))]
     pub encoder_resolution_rad: f64,
@@ -286,6 +290,7 @@ mod tests {
             rate_limit_rad_s: 2.0,
             delay_s: 0.0,
             backlash_rad: 0.0,
+            friction_rad: 0.0,
             encoder_resolution_rad: 0.0,
         }
     }
