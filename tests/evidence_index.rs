@@ -86,6 +86,10 @@ fn every_data_file_names_its_maker() {
     for file in std::fs::read_dir(root().join("tests/reference")).expect("the folder exists") {
         let path = file.expect("an entry").path();
         let (text, name) = (text(&path), path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+        // A schedule that both codes read is nobody's result.
+        if name.ends_with("_commands.csv") {
+            continue;
+        }
         let heading: String = text.lines().take_while(|line| line.starts_with('#')).collect();
         assert!(heading.contains("tools/reference/make_"), "{name}: its heading names no script");
         assert!(
