@@ -10,7 +10,7 @@ use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, Outflow
 use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
-use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, Pair, PairLevels};
+use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Pair, PairLevels};
 
 /// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
 /// passes zero.
@@ -26,10 +26,10 @@ impl Plant {
         let tail_s = parameters.depletion.tail_time_constant_s;
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
-        let drain_s = if self.held.nitrous_depleted { tail_s } else { DRAIN_S };
+        let drain_s = if self.held.nitrous_depleted { tail_s } else { self.drain_s() };
         let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
         EngineCondition {
-            port_radius_m: state.port_radius_m,
+            port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
             throat_radius_m: state.throat_radius_m,
             // A share of 0/0, no flow yet, limits nothing.
             burning_fraction: if fuel_share < 1.0 {
@@ -53,23 +53,12 @@ impl Plant {
         // Actuators.
         let (valve, valve_rate) = self.valve(state);
         let (gimbal, gimbal_rate) = self.gimbal(state);
-        let rcs_rate = if self.options.ideal {
-            Vec3::zeros()
-        } else {
-            let rate = vehicle.reaction_control.rate(&levels(state), &held.rcs_open);
-            Vec3::new(rate.a, rate.b, 0.0)
-        };
+        let rcs_rate = self.rcs_rate(state);
 
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let mut engine = vehicle.engine.operating_point(
-            &held.feed,
-            open_area_m2,
-            &self.condition(state),
-            held.guess_at(share),
-        );
-        engine.thrust_n = held.disturbed.thrust_n(engine.thrust_n);
+        let engine = self.engine_at(open_area_m2, state, share);
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
@@ -78,23 +67,33 @@ impl Plant {
         let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
 
         // Mass.
+        let port_radius_m_s = match self.frozen.port_radius_m {
+            None => engine.regression_rate_m_s,
+            // The real port goes on giving the fuel that burns.
+            Some(_) => {
+                let grain = &vehicle.engine_parameters.grain;
+                engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
+            }
+        };
+        // What fills the room that the liquid leaves, at constant pressure.
+        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
+        let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
+        let transfer_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
+        let (nitrogen_run_tank_kg, nitrogen_bottle_kg, run_tank_kg_s) =
+            self.frozen.nitrogen(&pressurant, transfer_kg_s);
         let contents = Contents {
             nitrous_kg: state.nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
             port_radius_m: state.port_radius_m,
-            nitrogen_run_tank_kg: pressurant.tank_kg,
-            nitrogen_bottle_kg: pressurant.bottle_kg,
+            nitrogen_run_tank_kg,
+            nitrogen_bottle_kg,
         };
         let nitrogen_kg_s = -(thrusters.nitrogen_kg_s + vent_kg_s);
-        // What fills the room that the liquid leaves, at constant pressure.
-        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
-        let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
-        let run_tank_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
-        let mass = vehicle.mass.evaluate(
+        let mut mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
                 nitrous_kg_s: -engine.oxidizer_kg_s,
-                port_radius_m_s: engine.regression_rate_m_s,
+                port_radius_m_s,
                 nitrogen_run_tank_kg_s: run_tank_kg_s,
                 nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
             },
@@ -102,7 +101,13 @@ impl Plant {
         // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
         // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
         let burnt_kg_s = engine.oxidizer_kg_s + engine.fuel_kg_s;
-        let flow = self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
+        self.frozen.hold(&mut mass);
+        // The paper's rigid body has neither jet damping nor a moving centre of mass.
+        let flow = if self.paper.is_some() {
+            FlowTerms::none()
+        } else {
+            self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s)
+        };
 
         // Loads.
         let motion = motion(state);
@@ -181,8 +186,8 @@ impl Plant {
             second_slosh_m_s: lateral(acceleration.slosh_body_m_s2[1]),
             nitrous_kg: -engine.oxidizer_kg_s,
             nitrogen_kg: nitrogen_kg_s,
-            port_radius_m: engine.regression_rate_m_s,
-            throat_radius_m: engine.throat_erosion_m_s,
+            port_radius_m: port_radius_m_s,
+            throat_radius_m: if self.frozen.throat { 0.0 } else { engine.throat_erosion_m_s },
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
             chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
             burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
@@ -246,8 +251,39 @@ impl Plant {
         FlowTerms::new(rate, &outflows[..count])
     }
 
+    /// What the engine does with this much valve area open, `share` of a step on.
+    fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> OperatingPoint {
+        let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
+        let mut point = match &self.paper {
+            None => {
+                let guess = self.held.guess_at(share);
+                engine.operating_point(feed, valve_area_m2, &self.condition(state), guess)
+            }
+            Some(paper) => match paper.point {
+                Some(held) => return held,
+                None => paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)),
+            },
+        };
+        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n);
+        point
+    }
+
+    /// Time in which a nearly empty store gives what it has (s): a few steps.
+    fn drain_s(&self) -> f64 {
+        self.paper.as_ref().map_or(DRAIN_S, |paper| paper.step.s().max(DRAIN_S))
+    }
+
+    /// Rate of the thruster pairs' levels.
+    pub(super) fn rcs_rate(&self, state: &State) -> Vec3 {
+        if self.options.ideal {
+            return Vec3::zeros();
+        }
+        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.held.rcs_open);
+        Vec3::new(rate.a, rate.b, 0.0)
+    }
+
     /// The oxidiser valve behind its play, and the rate of its servo.
-    fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
+    pub(super) fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
         if self.options.ideal {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());
@@ -261,7 +297,7 @@ impl Plant {
     }
 
     /// Gimbal behind its play, and the rates of angles and rates of its servos.
-    fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
+    pub(super) fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
         if self.options.ideal_gimbal {
             let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };
             return (motion, [Vector2::zeros(); 2]);

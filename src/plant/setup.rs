@@ -2,6 +2,8 @@
 
 use nalgebra::{Quaternion, Vector2};
 
+use super::freeze::Frozen;
+use super::paper::Paper;
 use super::sequence::Sequence;
 use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
 use crate::actuator::{DelayLine, ServoMemory};
@@ -12,8 +14,9 @@ use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
     ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, Guess, Modulator, PairLevels,
+    PaperEngine,
 };
-use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
+use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
@@ -23,10 +26,14 @@ impl Plant {
     /// # Errors
     /// As [`Plant::new`].
     pub fn with_step(scenario: &Scenario, step: SimTime) -> Result<Self, Invalid> {
-        Self::at_step_zero(scenario, scenario.file.seed, step)
+        Self::seeded(scenario, scenario.file.seed, step)
     }
 
-    pub(super) fn at_step_zero(scenario: &Scenario, seed: u32, step: SimTime) -> Result<Self, Invalid> {
+    /// The same under a seed that replaces the scenario's: turbulence and noise of the thrust follow from it.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn seeded(scenario: &Scenario, seed: u32, step: SimTime) -> Result<Self, Invalid> {
         let seed = u64::from(seed);
         let vehicle = scenario.vehicle.clone();
         let start = &scenario.file.initial;
@@ -38,6 +45,7 @@ impl Plant {
             open_loop: scenario.schedule.is_some(),
             ideal: actuators.ideal,
             ideal_gimbal: actuators.ideal && actuators.gimbal != Some(GimbalActuator::Servo),
+            integrator: scenario.file.physics.integrator,
         };
         if options.clamped && (start.velocity_ned_m_s != [0.0; 3] || start.rate_body_rad_s != [0.0; 3]) {
             return Err(Invalid::new("initial.clamped", "a clamped vehicle has neither velocity nor rate"));
@@ -91,6 +99,11 @@ impl Plant {
             throat_radius_m,
             ..State::EMPTY
         };
+        let paper = (scenario.file.fidelity == Fidelity::Paper).then(|| {
+            let mode = &vehicle.paper_mode;
+            let engine = PaperEngine::new(&vehicle.engine, &vehicle.engine_parameters, mode);
+            Paper::new(engine, SimTime::from_s(mode.step_s))
+        });
         let mut plant = Self {
             environment,
             options,
@@ -144,8 +157,12 @@ impl Plant {
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
+            frozen: Frozen::default(),
+            paper,
             vehicle,
         };
+        let couplings = &scenario.file.physics.freeze;
+        plant.frozen = Frozen::new(couplings, &plant.evaluate(&plant.state, 0.0), port_radius_m);
         let weight_n =
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
