@@ -63,8 +63,15 @@ impl Plant {
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
         let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
-        let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let left = state.nitrogen_kg.max(0.0) / (DRAIN_S * (thrusters.nitrogen_kg_s + vent_kg_s));
+        if left < 1.0 {
+            thrusters.force_body_n *= left;
+            thrusters.moment_body_n_m *= left;
+            thrusters.nitrogen_kg_s *= left;
+            vent_kg_s *= left;
+        }
 
         // Mass.
         let port_radius_m_s = match self.frozen.port_radius_m {

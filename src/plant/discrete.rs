@@ -1,6 +1,6 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, PlantEvent, State, motion};
+use super::{Evaluation, Plant, PlantEvent, Settled, State, motion};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::propulsion::FlameConditions;
@@ -33,7 +33,18 @@ impl Plant {
 
     /// Discrete events after a step.
     pub(super) fn settle(&mut self) {
+        // Play and friction: before the evaluation, which begins the next step.
+        let state = &self.state;
+        if state.valve_rad > 0.0 {
+            self.held.valve_memory =
+                self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
+        }
+        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
+            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
+        }
+
         let now = self.evaluate(&self.state, 0.0);
+        self.settled = Some(Settled { state: self.state, inputs: self.inputs(&self.state), rate: now.rate });
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
@@ -61,16 +72,6 @@ impl Plant {
             self.state.valve_rad = 0.0;
             self.state.valve_rad_s = 0.0;
             self.held.valve_memory = ServoMemory::default();
-        }
-
-        // Play and friction.
-        let state = &self.state;
-        if state.valve_rad > 0.0 {
-            self.held.valve_memory =
-                self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
-        }
-        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
-            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
         }
 
         self.settle_flame(&now);
