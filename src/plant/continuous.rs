@@ -16,9 +16,6 @@ use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, OperatingPoin
 /// passes zero.
 const DRAIN_S: f64 = 4e-3;
 
-/// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
-const OUTFLOWS: usize = 2 + 16;
-
 impl Plant {
     /// Conditions of the engine at a state.
     pub(super) fn condition(&self, state: &State) -> EngineCondition {
@@ -243,20 +240,20 @@ impl Plant {
             Pair::A => levels.a,
             Pair::B => levels.b,
         };
-        // All thrusters are alike, so each has its share of the flow by its level.
-        let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
-        let per_level_kg_s = if sum > 0.0 { thrusters_kg_s / sum } else { 0.0 };
-        let mut outflows =
-            [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
-        outflows[1] = Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s };
-        for (outflow, thruster) in outflows[2..].iter_mut().zip(&rcs.thruster) {
-            *outflow = Outflow {
-                position_body_m: Vec3::from(thruster.position_m),
-                mass_flow_kg_s: level(thruster.pair) * per_level_kg_s,
-            };
+        let outflow = |position_body_m, mass_flow_kg_s| Outflow { position_body_m, mass_flow_kg_s };
+        let mut terms = FlowTerms::new(
+            rate,
+            &[outflow(self.outlets.nozzle, nozzle_kg_s), outflow(self.outlets.vent, vent_kg_s)],
+        );
+        if thrusters_kg_s > 0.0 {
+            // All thrusters are alike, so each has its share of the flow by its level.
+            let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
+            for thruster in &rcs.thruster {
+                let share = level(thruster.pair) / sum;
+                terms.add(&outflow(Vec3::from(thruster.position_m), share * thrusters_kg_s));
+            }
         }
-        let count = 2 + rcs.thruster.len().min(OUTFLOWS - 2);
-        FlowTerms::new(rate, &outflows[..count])
+        terms
     }
 
     /// What the engine does with this much valve area open, `share` of a step on.

@@ -25,7 +25,7 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::{DelayLine, ServoMemory};
+use crate::actuator::{DelayLine, Servo, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
@@ -79,7 +79,9 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
-/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess.
+/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess. Whoever lets
+/// [`Plant::evaluate`] read something else that changes between steps adds it here; tests with debug assertions
+/// compare every rate that is taken over with a fresh one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Inputs {
     condition: EngineCondition,
@@ -89,6 +91,8 @@ struct Inputs {
     isolation: f64,
     vent: f64,
     rcs_open: PairLevels,
+    /// Where friction holds the servos of valve and gimbal (rad); 0 without friction.
+    friction_anchors_rad: [f64; 3],
     lit: bool,
     ignition: Option<SimTime>,
     grip: Grip,
@@ -291,6 +295,11 @@ impl Plant {
             isolation: held.isolation,
             vent: held.vent,
             rcs_open: held.rcs_open,
+            friction_anchors_rad: [
+                stuck_at(&self.vehicle.valve_servo, &held.valve_memory),
+                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[0]),
+                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[1]),
+            ],
             lit: held.flame.lit,
             ignition: held.ignition,
             grip: held.grip,
@@ -365,6 +374,11 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
+}
+
+/// Where friction holds a servo (rad); without friction its memory follows the angle and means nothing.
+fn stuck_at(servo: &Servo, memory: &ServoMemory) -> f64 {
+    if servo.friction_rad > 0.0 { memory.anchor_rad } else { 0.0 }
 }
 
 /// Equal within what the solver's tolerance and rounding may differ.
