@@ -42,7 +42,8 @@ fn printed_fuel_flow_lacks_a_power_of_the_number_of_ports() {
             * grain.length_m
             * grain.regression_coefficient_si
             * libm::pow(r, 1.0 - 2.0 * n);
-        let own = grain.fuel_flow_factor(r) / printed;
+        // Eq 5's flow under 1 kg/s of oxidiser, whose power is 1.
+        let own = grain.regression_rate_m_s(1.0, r) * grain.fuel_per_regression_kg_m(r) / printed;
         assert!((own / libm::pow(f64::from(ports), 1.0 - n) - 1.0).abs() < 1e-13, "{own}");
         near(own, ratio, 0.01, "fuel flow over the printed one");
     }

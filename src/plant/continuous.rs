@@ -47,6 +47,7 @@ impl Plant {
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
+    #[inline(always)] // so that a stage computes nothing but its rate
     pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
         let (vehicle, held) = (&self.vehicle, &self.held);
 
@@ -58,8 +59,7 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let mut engine = self.engine_at(open_area_m2, state, share);
-        engine.thrust_n = held.disturbed.thrust_n(engine.thrust_n);
+        let engine = self.engine_at(open_area_m2, state, share);
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
@@ -262,15 +262,18 @@ impl Plant {
     /// What the engine does with this much valve area open, `share` of a step on.
     fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> OperatingPoint {
         let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
-        match &self.paper {
+        let mut point = match &self.paper {
             None => {
                 let guess = self.held.guess_at(share);
                 engine.operating_point(feed, valve_area_m2, &self.condition(state), guess)
             }
-            Some(paper) => paper.point.unwrap_or_else(|| {
-                paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state))
-            }),
-        }
+            Some(paper) => match paper.point {
+                Some(held) => return held,
+                None => paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)),
+            },
+        };
+        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n);
+        point
     }
 
     /// Time in which a nearly empty store gives what it has (s): a few steps.

@@ -1,4 +1,5 @@
 //! The reference vehicle's engine, read from its own files.
+#![allow(dead_code)] // each test file uses its part
 
 use hopbench::propulsion::{
     ChamberModel, Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, Guess,
