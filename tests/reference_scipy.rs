@@ -73,8 +73,8 @@ fn regression_under_a_throttled_flow() {
                 step += 1;
             }
             grow(&mut radius, at.0[0] - port_radius_m);
-            let own =
-                grain.fuel_flow_factor(port_radius_m) * libm::pow(oxidizer_kg_s, grain.regression_exponent);
+            let own = grain.regression_rate_m_s(oxidizer_kg_s, port_radius_m)
+                * grain.fuel_per_regression_kg_m(port_radius_m);
             grow(&mut flow, own / fuel_kg_s - 1.0);
             // The fuel left is that of the vehicle, which stops at burn-through; the rows stay above.
             grow(&mut mass, grain.fuel_kg(port_radius_m) - left_kg.max(0.0));

@@ -25,6 +25,9 @@ pub struct ScenarioFile {
     pub description: String,
     /// Vehicle file.
     pub vehicle: String,
+    /// Values that replace those of the vehicle file: its dotted keys, quoted, as in `"feed.tank.length_m" = 0.4`. `--set` comes after them.
+    #[serde(default)]
+    pub vehicle_set: std::collections::BTreeMap<String, serde_json::Value>,
     /// Seed of every random stream; `--seed` replaces it.
     #[serde(default)]
     #[schemars(range(min = 0))]
@@ -407,6 +410,18 @@ pub struct Scenario {
 }
 
 impl ScenarioFile {
+    /// Applies `vehicle_set` to the vehicle's document; `place` names this scenario in messages.
+    ///
+    /// # Errors
+    /// When a key cannot be set; whether it is known is judged when the vehicle is read.
+    pub fn set_vehicle(&self, place: &str, vehicle: &mut Document) -> Result<(), InputError> {
+        for (key, value) in &self.vehicle_set {
+            // Numbers, strings, booleans and lists are written alike in JSON and TOML.
+            vehicle.set_from(place, &format!("vehicle_set.\"{key}\""), key, &value.to_string())?;
+        }
+        Ok(())
+    }
+
     /// Reads and checks a scenario document.
     pub fn read(document: &Document) -> Result<Self, InputError> {
         let file: Self = document.read()?;
@@ -496,6 +511,7 @@ impl Scenario {
         let file = ScenarioFile {
             description: String::new(),
             vehicle: vehicle.name.clone(),
+            vehicle_set: std::collections::BTreeMap::new(),
             seed: 0,
             duration_s: None,
             timeout_s: default_timeout_s(),
