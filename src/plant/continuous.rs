@@ -42,6 +42,8 @@ impl Plant {
                 oxidizer_kg: state.chamber_oxidizer_kg,
                 fuel_kg: state.chamber_fuel_kg,
             }),
+            fuel_flow_kg_s: (parameters.grain.fuel_flow_lag_s > 0.0)
+                .then(|| state.fuel_flow_kg_s.min(self.usable_fuel_kg(state) / DRAIN_S)),
             oxidizer_flow_limit_kg_s: state.nitrous_kg.max(0.0) / drain_s,
         }
     }
@@ -63,22 +65,25 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let engine = vehicle.engine.operating_point(
-            &held.feed,
-            open_area_m2,
-            &self.condition(state),
-            held.guess_at(share),
-        );
+        let (engine, stored_kg) = if vehicle.engine.feed_stores() {
+            self.feed_point(state, open_area_m2, share)
+        } else {
+            let condition = self.condition(state);
+            let guess = held.guess_at(share);
+            (vehicle.engine.operating_point(&held.feed, open_area_m2, &condition, guess), 0.0)
+        };
+        // Within a step the tank still holds what the manifold has taken up since it began.
+        let nitrous_kg = state.nitrous_kg - stored_kg;
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
+        let pressurant = vehicle.nitrogen(state.nitrogen_kg, nitrous_kg, ambient_pa);
         let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
         let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
 
         // Mass.
         let contents = Contents {
-            nitrous_kg: state.nitrous_kg,
+            nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
             port_radius_m: state.port_radius_m,
             nitrogen_run_tank_kg: pressurant.tank_kg,
@@ -86,21 +91,21 @@ impl Plant {
         };
         let nitrogen_kg_s = -(thrusters.nitrogen_kg_s + vent_kg_s);
         // What fills the room that the liquid leaves, at constant pressure.
-        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
+        let ullage_m3 = vehicle.ullage_m3(nitrous_kg);
         let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
-        let run_tank_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
+        let run_tank_kg_s = ullage_kg_m3 * engine.tank_kg_s / vehicle.nitrous_density_kg_m3;
         let mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
-                nitrous_kg_s: -engine.oxidizer_kg_s,
+                nitrous_kg_s: -engine.tank_kg_s,
                 port_radius_m_s: engine.regression_rate_m_s,
                 nitrogen_run_tank_kg_s: run_tank_kg_s,
                 nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
             },
         );
-        // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
+        // The gas in manifold and chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
         // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
-        let burnt_kg_s = engine.oxidizer_kg_s + engine.fuel_kg_s;
+        let burnt_kg_s = engine.tank_kg_s + engine.fuel_kg_s;
         let flow = self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
 
         // Loads.
@@ -137,7 +142,7 @@ impl Plant {
         };
         let mode = vehicle.slosh.mode(
             vehicle.mass.tank(),
-            state.nitrous_kg,
+            nitrous_kg,
             vehicle.nitrous_density_kg_m3,
             axial_m_s2,
         );
@@ -177,6 +182,12 @@ impl Plant {
             throat_radius_m: engine.throat_erosion_m_s,
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
             chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
+            manifold_kg: 0.0,
+            line_kg_s: 0.0,
+            fuel_flow_kg_s: vehicle
+                .engine_parameters
+                .grain
+                .fuel_flow_rate_kg_s2(state.fuel_flow_kg_s, engine.steady_fuel_kg_s),
             burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
                 state.burning_fraction,
                 held.flame.lit,
@@ -239,7 +250,7 @@ impl Plant {
     }
 
     /// The oxidiser valve behind its play, and the rate of its servo.
-    fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
+    pub(super) fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
         if self.options.ideal {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());

@@ -8,6 +8,7 @@
 mod command;
 mod continuous;
 mod discrete;
+mod feed;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -28,7 +29,8 @@ use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::rk4_step;
-use crate::propulsion::{FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels};
+use crate::propulsion::{FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
+};
 use crate::scenario::Scenario;
 use crate::sensor::Truth;
 use crate::signal::{ActuatorCommand, Throttle};
@@ -96,6 +98,11 @@ struct Held {
     grip: Grip,
     anchors: Anchors,
     feed: FeedMap,
+    /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
+    /// liquid at the valve (Pa).
+    feed_start: FeedInput,
+    feed_stages: Stages,
+    head_pa: f64,
     /// Where the engine's solver looks first, and how that moved in the last step.
     guess: Guess,
     guess_trend: Guess,
@@ -190,7 +197,9 @@ impl Plant {
     /// One step under a command: the block diagram.
     pub fn step(&mut self, command: &ActuatorCommand) {
         self.obey(command);
+        self.begin_feed();
         self.state = rk4_step(&self.state, self.step.s(), |state, share| self.evaluate(state, share).rate);
+        self.end_feed();
         self.state.q_ned_from_body.normalize_mut();
         self.time = self.time + self.step;
         self.settle();

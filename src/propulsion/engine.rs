@@ -11,6 +11,7 @@ use super::chamber::{Chamber, ChamberGas, ChamberGasRate, ColdGas, Vessel, held_
 use super::combustion::{CombustionMap, Mixture};
 use super::feed_map::FeedMap;
 use super::grain::Grain;
+use super::manifold::FeedStores;
 use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
 use super::valve::ValveArea;
 use super::{EngineParameters, FeedParameters, PaperMode};
@@ -34,15 +35,16 @@ pub enum EngineError {
 /// Everything of the engine that does not change in flight.
 #[derive(Clone, Debug)]
 pub struct Engine {
-    grain: Grain,
+    pub(super) grain: Grain,
     chamber: Chamber,
     nozzle: Nozzle,
     cold_flow_isp_s: f64,
     cold: ColdGas,
-    map: CombustionMap,
+    pub(super) map: CombustionMap,
     pub(super) valve_area: ValveArea,
     pub(super) valve_discharge_coefficient: f64,
     pub(super) injector_area_m2: f64,
+    pub(super) stores: FeedStores,
     pub(super) demand_kg_s: (f64, f64),
     full_above: f64,
 }
@@ -60,6 +62,8 @@ pub struct EngineCondition {
     pub ambient_pa: f64,
     /// Gas in the chamber, when that is a state; `None` is quasi-steady.
     pub chamber_gas: Option<ChamberGas>,
+    /// Fuel that comes off the grain, when that lags the oxidiser and is a state (kg/s); `None` follows at once.
+    pub fuel_flow_kg_s: Option<f64>,
     /// Flow that the tank's outlet can give (kg/s); infinite but in a depletion's tail.
     pub oxidizer_flow_limit_kg_s: f64,
 }
@@ -79,10 +83,14 @@ pub struct Guess {
 /// The engine's answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OperatingPoint {
-    /// Oxidiser through valve and injector (kg/s).
+    /// Oxidiser through the injector (kg/s).
     pub oxidizer_kg_s: f64,
+    /// Oxidiser out of the tank (kg/s): the same, unless something between them stores.
+    pub tank_kg_s: f64,
     /// Fuel off the grain (kg/s).
     pub fuel_kg_s: f64,
+    /// Fuel flow to which a lagging one tends (kg/s); without a lag the same.
+    pub steady_fuel_kg_s: f64,
     /// Flow out of the nozzle (kg/s).
     pub nozzle_kg_s: f64,
     /// Oxidiser over fuel, of the flow, or of the chamber's gas when that is a state; 0 without fuel.
@@ -120,7 +128,7 @@ const STANDARD_AMBIENT_PA: f64 = 101_325.0;
 /// Quantities of one condition that every trial of the root shares.
 pub(super) struct Setting<'a> {
     pub(super) engine: &'a Engine,
-    condition: &'a EngineCondition,
+    pub(super) condition: &'a EngineCondition,
     throat: Throat,
     fuel_factor: f64,
     /// Pc per flow and c*: η/(A_t C_d).
@@ -169,6 +177,7 @@ impl Engine {
             valve_area,
             valve_discharge_coefficient: feed.valve.discharge_coefficient,
             injector_area_m2: feed.injector.effective_area_m2(),
+            stores: FeedStores::new(feed),
             demand_kg_s,
         };
         engine.require_rising_thrust()?;
@@ -186,6 +195,7 @@ impl Engine {
                 burning_fraction: 1.0,
                 ambient_pa: STANDARD_AMBIENT_PA,
                 chamber_gas: None,
+                fuel_flow_kg_s: None,
                 oxidizer_flow_limit_kg_s: f64::INFINITY,
             };
             let setting = self.setting(&condition);
@@ -321,19 +331,19 @@ pub struct EngineTexts<'a> {
 }
 
 /// What the root in P2 has found.
-struct Found {
-    injector_inlet_pa: f64,
-    quality: f64,
-    solved: bool,
-    guess: Guess,
+pub(super) struct Found {
+    pub(super) injector_inlet_pa: f64,
+    pub(super) quality: f64,
+    pub(super) solved: bool,
+    pub(super) guess: Guess,
 }
 
 /// State of a chamber whose gas is given.
-struct Held<'a> {
+pub(super) struct Held<'a> {
     gas: ChamberGas,
     of_ratio: f64,
     mixture: Mixture<'a>,
-    pressure: ChamberPressure,
+    pub(super) pressure: ChamberPressure,
     nozzle_kg_s: f64,
 }
 
@@ -341,14 +351,22 @@ impl<'a> Setting<'a> {
     /// Steady state of an oxidiser flow that burns altogether.
     #[inline]
     pub(super) fn burning(&self, oxidizer_kg_s: f64, log_guess: f64) -> Burning<'a> {
-        let exponent = self.engine.grain.regression_exponent;
-        let fuel_kg_s = self.fuel_factor * libm::exp(exponent * libm::log(oxidizer_kg_s));
+        let fuel_kg_s = match self.condition.fuel_flow_kg_s {
+            None => self.steady_fuel_kg_s(oxidizer_kg_s),
+            Some(flow_kg_s) => self.lagged_fuel_kg_s(flow_kg_s, oxidizer_kg_s),
+        };
         let of_ratio = oxidizer_kg_s / fuel_kg_s;
         let mixture = self.engine.map.mixture(of_ratio);
         let per_c_star = (oxidizer_kg_s + fuel_kg_s) * self.per_c_star;
         let pressure =
             steady_pressure(&self.engine.map, &mixture, per_c_star, self.condition.ambient_pa, log_guess);
         Burning { fuel_kg_s, of_ratio, mixture, pressure }
+    }
+
+    /// Fuel flow of oxidiser that burns altogether, Eq 5.
+    #[inline]
+    pub(super) fn steady_fuel_kg_s(&self, oxidizer_kg_s: f64) -> f64 {
+        self.fuel_factor * libm::exp(self.engine.grain.regression_exponent * libm::log(oxidizer_kg_s))
     }
 
     /// Pressure of unburnt flow.
@@ -364,7 +382,7 @@ impl<'a> Setting<'a> {
 
     /// The burning flow if anything burns; leaves a better guess in `log`.
     #[inline]
-    fn burning_share_of(&self, oxidizer_kg_s: f64, log: &mut f64) -> Option<Burning<'a>> {
+    pub(super) fn burning_share_of(&self, oxidizer_kg_s: f64, log: &mut f64) -> Option<Burning<'a>> {
         if oxidizer_kg_s <= 0.0 || self.condition.burning_fraction <= 0.0 {
             return None;
         }
@@ -375,7 +393,7 @@ impl<'a> Setting<'a> {
 
     /// Pressure of a flow of which some burns and the rest does not.
     #[inline]
-    fn mixed_pa(&self, oxidizer_kg_s: f64, hot: Option<&Burning<'_>>) -> f64 {
+    pub(super) fn mixed_pa(&self, oxidizer_kg_s: f64, hot: Option<&Burning<'_>>) -> f64 {
         let f = self.condition.burning_fraction;
         match hot {
             None => self.cold_pa(oxidizer_kg_s),
@@ -398,7 +416,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Share of the fuel flow that burns off the grain.
-    fn burning_share(&self) -> f64 {
+    pub(super) fn burning_share(&self) -> f64 {
         if self.fuel_left() { self.condition.burning_fraction.clamp(0.0, 1.0) } else { 0.0 }
     }
 
@@ -418,7 +436,7 @@ impl<'a> Setting<'a> {
         fuel_kg_s / self.engine.grain.fuel_per_regression_kg_m(self.condition.port_radius_m)
     }
 
-    fn steady_point(&self, oxidizer_kg_s: f64, hot: Option<Burning<'_>>, found: Found) -> OperatingPoint {
+    pub(super) fn steady_point(&self, oxidizer_kg_s: f64, hot: Option<Burning<'_>>, found: Found) -> OperatingPoint {
         if oxidizer_kg_s <= 0.0 {
             return self.closed(None);
         }
@@ -426,11 +444,15 @@ impl<'a> Setting<'a> {
         let hot = hot.unwrap_or_else(|| self.burning(oxidizer_kg_s, found.guess.log_chamber_pressure));
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let (thrust_n, nozzle_flow) = self.thrust(oxidizer_kg_s, &hot);
-        let fuel_kg_s = self.burning_share() * hot.fuel_kg_s;
+        let share = self.burning_share();
+        let fuel_kg_s = share * hot.fuel_kg_s;
+        let lags = self.condition.fuel_flow_kg_s.is_some();
         let nozzle_kg_s = oxidizer_kg_s + fuel_kg_s;
         OperatingPoint {
             oxidizer_kg_s,
+            tank_kg_s: oxidizer_kg_s,
             fuel_kg_s,
+            steady_fuel_kg_s: if lags { share * self.steady_fuel_kg_s(oxidizer_kg_s) } else { fuel_kg_s },
             nozzle_kg_s,
             of_ratio: if f >= 1.0 && fuel_kg_s > 0.0 {
                 hot.of_ratio
@@ -452,7 +474,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Pressure and outflow of the gas in the chamber.
-    fn held(&self, gas: ChamberGas) -> Held<'a> {
+    pub(super) fn held(&self, gas: ChamberGas) -> Held<'a> {
         let engine = self.engine;
         let (oxidizer_kg, fuel_kg) = (gas.oxidizer_kg.max(0.0), gas.fuel_kg.max(0.0));
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
@@ -478,11 +500,15 @@ impl<'a> Setting<'a> {
         }
     }
 
-    fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
+    pub(super) fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let exponent = self.engine.grain.regression_exponent;
-        let steady_fuel_kg_s = self.fuel_factor * libm::pow(oxidizer_kg_s.max(0.0), exponent);
-        let fuel_kg_s = self.burning_share() * steady_fuel_kg_s;
+        let share = self.burning_share();
+        let steady_fuel_kg_s = share * self.fuel_factor * libm::pow(oxidizer_kg_s.max(0.0), exponent);
+        let fuel_kg_s = match self.condition.fuel_flow_kg_s {
+            None => steady_fuel_kg_s,
+            Some(flow_kg_s) => share * self.lagged_fuel_kg_s(flow_kg_s, oxidizer_kg_s),
+        };
         let (hot_n, nozzle_flow) = self.engine.nozzle.thrust(&self.throat, &held.mixture, held.pressure);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.engine.cold_flow_isp_s * held.nozzle_kg_s;
         let thrust_n = if held.nozzle_kg_s > 0.0 { f * hot_n + (1.0 - f) * cold_n } else { 0.0 };
@@ -491,7 +517,9 @@ impl<'a> Setting<'a> {
         let burns = held.nozzle_kg_s > 0.0;
         OperatingPoint {
             oxidizer_kg_s,
+            tank_kg_s: oxidizer_kg_s,
             fuel_kg_s,
+            steady_fuel_kg_s,
             nozzle_kg_s: held.nozzle_kg_s,
             of_ratio: held.of_ratio,
             chamber_pa: held.pressure.pa,
@@ -512,7 +540,7 @@ impl<'a> Setting<'a> {
     }
 
     /// No oxidiser flows; a chamber that still holds gas empties.
-    fn closed(&self, held: Option<Held<'_>>) -> OperatingPoint {
+    pub(super) fn closed(&self, held: Option<Held<'_>>) -> OperatingPoint {
         let ambient_pa = self.condition.ambient_pa;
         if let Some(held) = held {
             let guess = Guess { log_chamber_pressure: held.pressure.log, ..Guess::default() };
@@ -521,7 +549,9 @@ impl<'a> Setting<'a> {
         }
         OperatingPoint {
             oxidizer_kg_s: 0.0,
+            tank_kg_s: 0.0,
             fuel_kg_s: 0.0,
+            steady_fuel_kg_s: 0.0,
             nozzle_kg_s: 0.0,
             of_ratio: 0.0,
             chamber_pa: ambient_pa,

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::injector::SinglePhase;
 use crate::input::Invalid;
 use crate::interpolate::{
     Monotone,
@@ -19,6 +20,9 @@ pub struct Valve {
     /// Discharge coefficient, of the open area.
     #[schemars(range(min = 0.1, max = 1.0))]
     pub discharge_coefficient: f64,
+    /// Single-phase part of the flux below the critical pressure.
+    #[serde(default)]
+    pub single_phase: SinglePhase,
     /// Radius of the seat (m).
     #[schemars(range(min = 1e-3, max = 0.1))]
     pub seat_radius_m: f64,
