@@ -270,18 +270,18 @@ impl Engine {
             let held = between.condition.chamber_gas.map(|gas| setting.held(gas));
             let stage = Stage { span_s, ..whole };
             let solved = self.solve(feed, &between, &stage, (&setting, held.as_ref()), guess);
-            (solved.state, solved.slope_kg_s_pa, solved.status)
+            (solved.state, solved.injected_kg_s > 0.0, solved.slope_kg_s_pa, solved.status)
         };
-        let (gained, slope_kg_s_pa, status) = first;
+        let (gained, flows, slope_kg_s_pa, status) = first;
         if status == RootStatus::Solved {
             let stage = Stage { span_s, from: from.extrapolated(&gained, CARRIED), head_pa };
             let guess = Guess { slope_kg_s_pa, ..guess };
             let second = self.solve(feed, now, &stage, (setting, held), guess);
-            if second.status == RootStatus::Solved {
+            if second.status == RootStatus::Solved && (second.injected_kg_s > 0.0 || !flows) {
                 return second;
             }
         }
-        // Carried beyond what a manifold can hold: the lower order stays within.
+        // Carried beyond what a manifold can hold, or beyond the end of its flow: the lower order stays within.
         self.solve(feed, now, &whole, (setting, held), guess)
     }
 
@@ -303,7 +303,7 @@ impl Engine {
         };
         let mut log = guess.log_chamber_pressure;
         let (mut inlet, mut hot) = (feed.inlet(tank_pa), None);
-        let (mut tank_kg_s, mut passed_kg_s) = (0.0, 0.0);
+        let (mut tank_kg_s, mut passed_kg_s, mut driven_kg_s) = (0.0, 0.0, 0.0);
         // Flow that the injector would pass less flow that is left for it: rises with P2.
         let balance = |inlet_pa: f64| {
             inlet = feed.inlet(inlet_pa);
@@ -316,7 +316,8 @@ impl Engine {
                     setting.mixed_pa(passed_kg_s.max(0.0), hot.as_ref())
                 }
             };
-            self.injector_area_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa) - passed_kg_s
+            driven_kg_s = self.injector_area_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
+            driven_kg_s - passed_kg_s
         };
         // Without a store the engine as it stands is shut off.
         if volume_m3 <= 0.0 && least_pa >= tank_pa {
@@ -349,7 +350,7 @@ impl Engine {
                 line_kg_s: if self.stores.inertance_1_m > 0.0 { tank_kg_s } else { 0.0 },
             },
             tank_kg_s,
-            injected_kg_s: passed_kg_s.max(0.0),
+            injected_kg_s: if driven_kg_s > 0.0 { passed_kg_s.max(0.0) } else { 0.0 },
             hot,
             log,
             status: root.status,
