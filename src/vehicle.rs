@@ -12,13 +12,13 @@ use crate::controls::Controls;
 use crate::dynamics::aerodynamics::Aerodynamics;
 use crate::dynamics::landing_gear::{HoldDown, LandingGear};
 use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
-use crate::dynamics::slosh::Slosh;
+use crate::dynamics::slosh::{Slosh, SloshModel};
 use crate::environment::Site;
 use crate::fluid::{Isotherm, Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
-    BottleModel, Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation,
+    BottleModel, ChamberModel, Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation,
     NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas,
     ReactionControl, Tank, Vent, VentedGas,
 };
@@ -222,6 +222,8 @@ pub struct Vehicle {
     pub mass: MassModel,
     /// Density of the liquid in the tank (kg/m³).
     pub nitrous_density_kg_m3: f64,
+    /// Numbers of the seed paper's mode.
+    pub paper_mode: PaperMode,
 }
 
 impl Vehicle {
@@ -314,7 +316,15 @@ impl Vehicle {
             sensors,
             mass,
             nitrous_density_kg_m3: nitrous.density_kg_m3,
+            paper_mode: file.paper_mode,
         })
+    }
+
+    /// Takes the model choices of the seed paper, whatever the file says.
+    pub fn keep_to_the_paper(&mut self) {
+        self.slosh.model = SloshModel::OneWayPaper;
+        self.gimbal.engine_inertia = false;
+        self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
     }
 
     /// Liquid that the run tank holds at the start (kg).

@@ -152,7 +152,10 @@ fn a_shut_valve_empties_the_manifold_and_then_nothing_flows() {
         let now = (fed.point.injector_inlet_pa, fed.point.thrust_n);
         spent_kg += 1e-3 * fed.point.oxidizer_kg_s;
         // The root in P2 is good to 65 µPa, rest begins at 0.1 Pa.
-        assert!(now.0 <= before.0 + 0.1 && now.1 <= before.1 && fed.point.oxidizer_kg_s >= 0.0, "{ms}: {now:?}");
+        assert!(
+            now.0 <= before.0 + 0.1 && now.1 <= before.1 && fed.point.oxidizer_kg_s >= 0.0,
+            "{ms}: {now:?}"
+        );
         before = now;
         if now.1 == 0.0 {
             ended_ms.get_or_insert(ms);

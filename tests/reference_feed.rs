@@ -31,8 +31,18 @@ fn lags_over_the_valve() {
         assert!((point.injector_inlet_pa / p2 - 1.0).abs() < 2e-7, "{degrees}: {}", point.injector_inlet_pa);
         // Two digits, as the table was first published, at fixed chamber pressure.
         let known = [
-            (15.0, 32.0), (19.0, 38.0), (22.0, 44.0), (25.0, 47.0), (26.3, 44.0), (26.6, 1.03), (28.0, 0.90),
-            (30.0, 0.75), (35.0, 0.50), (40.0, 0.36), (60.0, 0.092), (78.8, 0.035),
+            (15.0, 32.0),
+            (19.0, 38.0),
+            (22.0, 44.0),
+            (25.0, 47.0),
+            (26.3, 44.0),
+            (26.6, 1.03),
+            (28.0, 0.90),
+            (30.0, 0.75),
+            (35.0, 0.50),
+            (40.0, 0.36),
+            (60.0, 0.092),
+            (78.8, 0.035),
         ];
         if let Some((_, ms)) = known.iter().find(|(at, _)| *at == degrees) {
             printed = printed.max((own_s * 1e3 / ms - 1.0).abs());
@@ -99,7 +109,9 @@ fn response_of_the_manifold() {
         for (steps, default_stages) in [(5, true), (5, false), (10, false), (20, false), (80, false)] {
             let [inside, all] = compare(line, steps, default_stages);
             let ms = 5.0 / f64::from(steps);
-            println!("line {line}, {ms} ms, stages by lag {default_stages}: boiling {inside:.2e?}, all {all:.2e?}");
+            println!(
+                "line {line}, {ms} ms, stages by lag {default_stages}: boiling {inside:?}, all {all:?}"
+            );
             if !default_stages {
                 boiling.push(inside[0]);
             }

@@ -7,12 +7,17 @@ use super::{Plant, State};
 use crate::propulsion::{EngineCondition, FeedInput, FeedPoint, FeedState, FeedStep, OperatingPoint};
 
 impl Plant {
+    /// Whether the feed system has a state; the seed paper's has none.
+    pub(super) fn feed_stores(&self) -> bool {
+        self.paper.is_none() && self.vehicle.engine.feed_stores()
+    }
+
     /// Takes down what drives the feed system at the beginning of a step, commands obeyed.
     pub(super) fn begin_feed(&mut self) {
-        let engine = &self.vehicle.engine;
-        if !engine.feed_stores() {
+        if !self.feed_stores() {
             return;
         }
+        let engine = &self.vehicle.engine;
         let (now, feed) = (&self.snapshot, &self.held.feed);
         let start = self.feed_input(&self.state);
         let floor_m2 = core::f64::consts::PI * self.vehicle.tank.radius_m * self.vehicle.tank.radius_m;
@@ -25,7 +30,7 @@ impl Plant {
 
     /// The feed system's step.
     pub(super) fn end_feed(&mut self) {
-        if !self.vehicle.engine.feed_stores() {
+        if !self.feed_stores() {
             return;
         }
         let open_area_m2 = self.feed_input(&self.state).valve_area_m2;

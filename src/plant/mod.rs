@@ -9,6 +9,8 @@ mod command;
 mod continuous;
 mod discrete;
 mod feed;
+mod freeze;
+mod paper;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -28,15 +30,18 @@ use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::integrator::rk4_step;
-use crate::propulsion::{FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
+use crate::integrator::{Integrable, rk4_step};
+use crate::propulsion::{
+    FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
 };
-use crate::scenario::Scenario;
+use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
+use freeze::Frozen;
+use paper::Paper;
 use sequence::Sequence;
 
 /// The plant's step, unless a test asks for another.
@@ -57,6 +62,9 @@ pub struct Plant {
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
+    frozen: Frozen,
+    /// `None`: full fidelity.
+    paper: Option<Paper>,
 }
 
 /// What a scenario idealises.
@@ -72,6 +80,7 @@ struct Options {
     ideal: bool,
     /// The gimbal follows at once.
     ideal_gimbal: bool,
+    integrator: IntegratorKind,
 }
 
 /// Where mass leaves, body FRD (m).
@@ -196,11 +205,21 @@ impl Plant {
 
     /// One step under a command: the block diagram.
     pub fn step(&mut self, command: &ActuatorCommand) {
-        self.obey(command);
-        self.begin_feed();
-        self.state = rk4_step(&self.state, self.step.s(), |state, share| self.evaluate(state, share).rate);
-        self.end_feed();
-        self.state.q_ned_from_body.normalize_mut();
+        if self.paper.is_some() {
+            self.step_paper(command);
+        } else {
+            self.obey(command);
+            self.begin_feed();
+            let dt_s = self.step.s();
+            self.state = match self.options.integrator {
+                IntegratorKind::Rk4 => {
+                    rk4_step(&self.state, dt_s, |state, share| self.evaluate(state, share).rate)
+                }
+                IntegratorKind::Euler => self.state.advanced(&self.evaluate(&self.state, 0.0).rate, dt_s),
+            };
+            self.end_feed();
+            self.state.q_ned_from_body.normalize_mut();
+        }
         self.time = self.time + self.step;
         self.settle();
     }

@@ -2,6 +2,8 @@
 
 use nalgebra::{Quaternion, Vector2};
 
+use super::freeze::Frozen;
+use super::paper::Paper;
 use super::sequence::Sequence;
 use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
 use crate::actuator::DelayLine;
@@ -11,9 +13,9 @@ use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
     ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedInput, Flame, Guess, Modulator, PairLevels,
-    Stages,
+    PaperEngine, Stages,
 };
-use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
+use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
@@ -33,6 +35,7 @@ impl Plant {
             open_loop: scenario.schedule.is_some(),
             ideal: actuators.ideal,
             ideal_gimbal: actuators.ideal && actuators.gimbal != Some(GimbalActuator::Servo),
+            integrator: scenario.file.physics.integrator,
         };
         if options.clamped && (start.velocity_ned_m_s != [0.0; 3] || start.rate_body_rad_s != [0.0; 3]) {
             return Err(Invalid::new("initial.clamped", "a clamped vehicle has neither velocity nor rate"));
@@ -89,6 +92,11 @@ impl Plant {
             manifold_kg: at_rest.manifold_kg,
             ..State::EMPTY
         };
+        let paper = (scenario.file.fidelity == Fidelity::Paper).then(|| {
+            let mode = &vehicle.paper_mode;
+            let engine = PaperEngine::new(&vehicle.engine, &vehicle.engine_parameters, mode);
+            Paper::new(engine, SimTime::from_s(mode.step_s))
+        });
         let mut plant = Self {
             environment,
             options,
@@ -143,8 +151,12 @@ impl Plant {
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
+            frozen: Frozen::default(),
+            paper,
             vehicle,
         };
+        let couplings = &scenario.file.physics.freeze;
+        plant.frozen = Frozen::new(couplings, &plant.evaluate(&plant.state, 0.0), port_radius_m);
         let weight_n =
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);

@@ -233,6 +233,30 @@ impl Engine {
         &self.nozzle
     }
 
+    /// Combustion products.
+    pub(super) fn map(&self) -> &CombustionMap {
+        &self.map
+    }
+
+    /// Growth of the throat (m/s) at a chamber pressure.
+    pub(super) fn erosion_m_s(&self, condition: &EngineCondition, chamber_pa: f64) -> f64 {
+        self.setting(condition).erosion_m_s(chamber_pa)
+    }
+
+    /// The engine without flow, quasi-steady.
+    pub(super) fn at_rest(&self, ambient_pa: f64) -> OperatingPoint {
+        let condition = EngineCondition {
+            port_radius_m: self.grain.port_radius_m,
+            throat_radius_m: self.nozzle.throat_radius_m(),
+            burning_fraction: 0.0,
+            ambient_pa,
+            chamber_gas: None,
+            fuel_flow_kg_s: None,
+            oxidizer_flow_limit_kg_s: 0.0,
+        };
+        self.setting(&condition).closed(None)
+    }
+
     /// Gas of a chamber at rest: unburnt, at ambient pressure.
     pub fn gas_at_rest(&self, condition: &EngineCondition) -> ChamberGas {
         let volume_m3 = self.chamber.dead_volume_m3 + self.grain.port_volume_m3(condition.port_radius_m);

@@ -22,7 +22,9 @@
 //! Source: the seed paper's feed system, which is steady; balances of mass and momentum.
 
 use super::FeedParameters;
-use super::engine::{Burning, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, OperatingPoint, Setting};
+use super::engine::{
+    Burning, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, OperatingPoint, Setting,
+};
 use super::feed::ManifoldModel;
 use super::feed_map::{FeedMap, Inlet};
 use super::injector::SinglePhase;
@@ -158,7 +160,8 @@ impl Engine {
 
     /// Pressure (Pa) of the liquid's weight at the valve, `liquid_m` above the tank's floor.
     pub fn static_head_pa(&self, feed: &FeedMap, liquid_m: f64, specific_force_m_s2: f64) -> f64 {
-        let weight = |drop_m: f64| feed.tank().density_kg_m3 * specific_force_m_s2.max(0.0) * (liquid_m + drop_m);
+        let weight =
+            |drop_m: f64| feed.tank().density_kg_m3 * specific_force_m_s2.max(0.0) * (liquid_m + drop_m);
         self.stores.head_m.map_or(0.0, weight)
     }
 
@@ -308,7 +311,8 @@ impl Engine {
         let balance = |inlet_pa: f64| {
             inlet = feed.inlet(inlet_pa);
             tank_kg_s = self.valve_flow_kg_s(feed, &inlet, input, stage);
-            passed_kg_s = tank_kg_s - (volume_m3 * inlet.state.density_kg_m3 - stage.from.manifold_kg) / stage.span_s;
+            passed_kg_s =
+                tank_kg_s - (volume_m3 * inlet.state.density_kg_m3 - stage.from.manifold_kg) / stage.span_s;
             let chamber_pa = match held {
                 Some(held) => held.pressure.pa,
                 None => {
@@ -422,9 +426,11 @@ impl Engine {
             let chamber_pa =
                 held.map_or_else(|| setting.mixed_pa(passed_kg_s, hot.as_ref()), |held| held.pressure.pa);
             let low = chamber_pa.min(tank_pa);
-            let root = bracketed_root(Bracket { low, slope: Some(guess.slope_kg_s_pa), ..bracket }, |inlet_pa| {
-                self.injector_area_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - passed_kg_s
-            });
+            let root =
+                bracketed_root(Bracket { low, slope: Some(guess.slope_kg_s_pa), ..bracket }, |inlet_pa| {
+                    self.injector_area_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa)
+                        - passed_kg_s
+                });
             return Solved {
                 inlet_pa: root.x,
                 slope_kg_s_pa: guess.slope_kg_s_pa,
@@ -449,7 +455,11 @@ impl Engine {
             slope_kg_s_pa: guess.slope_kg_s_pa,
             quality: inlet.quality,
             state: from,
-            tank_kg_s: if has_line { from.line_kg_s } else { self.valve_flow_kg_s(feed, &inlet, now, &stage) },
+            tank_kg_s: if has_line {
+                from.line_kg_s
+            } else {
+                self.valve_flow_kg_s(feed, &inlet, now, &stage)
+            },
             injected_kg_s: 0.0,
             hot: None,
             log: guess.log_chamber_pressure,

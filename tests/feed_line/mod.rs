@@ -3,8 +3,8 @@
 
 use crate::bare_engine::{Vehicle, condition};
 use hopbench::propulsion::{
-    Engine, EngineCondition, FeedInput, FeedMap, FeedState, FeedStep, Guess, Line, ManifoldModel, OperatingPoint,
-    Stages,
+    Engine, EngineCondition, FeedInput, FeedMap, FeedState, FeedStep, Guess, Line, ManifoldModel,
+    OperatingPoint, Stages,
 };
 
 pub fn with_manifold(vehicle: &mut Vehicle, volume_m3: f64) {

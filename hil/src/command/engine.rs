@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use hopbench::fluid::Nitrous;
 use hopbench::input::{Fault, InputError};
-use hopbench::propulsion::{EngineCondition, FeedMap, Guess, OperatingPoint};
+use hopbench::propulsion::{EngineCondition, Guess, OperatingPoint};
 use hopbench::vehicle::Vehicle;
 use serde::Serialize;
 use serde_json::json;
