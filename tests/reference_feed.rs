@@ -109,9 +109,7 @@ fn response_of_the_manifold() {
         for (steps, default_stages) in [(5, true), (5, false), (10, false), (20, false), (80, false)] {
             let [inside, all] = compare(line, steps, default_stages);
             let ms = 5.0 / f64::from(steps);
-            println!(
-                "line {line}, {ms} ms, stages by lag {default_stages}: boiling {inside:?}, all {all:?}"
-            );
+            println!("line {line}, {ms} ms, stages by lag {default_stages}: boiling {inside:?}, all {all:?}");
             if !default_stages {
                 boiling.push(inside[0]);
             }
