@@ -105,7 +105,7 @@ fn compare(line: bool, steps_per_row: u32, default_stages: bool) -> [[f64; 3]; 2
 #[test]
 fn response_of_the_manifold() {
     for line in [false, true] {
-        let mut boiling = Vec::new();
+        let (mut boiling, mut at_1_ms) = (Vec::new(), Vec::new());
         for (steps, default_stages) in [(5, true), (5, false), (10, false), (20, false), (80, false)] {
             let [inside, all] = compare(line, steps, default_stages);
             let ms = 5.0 / f64::from(steps);
@@ -114,13 +114,16 @@ fn response_of_the_manifold() {
                 boiling.push(inside[0]);
             }
             if steps == 5 {
-                // 1 ms. The valve moves P2 by 15 bar in 150 ms: |P2'''| is at most 60·15e5/0.15³ = 2.7e10 Pa/s³, local
-                // error 0.04 h³ of it, carried for a lag of 45 ms: 0.04·1e-6·2.7e10·0.045 = 49 Pa, 0.3 N per 1e4 Pa.
-                assert!(inside[0] < 50.0, "{inside:?}");
-                assert!(inside[1] < 1e-5 && inside[2] < 0.02, "{inside:?}");
-                // Through the flash point, where the lag falls forty-fold inside a step, and along the liquid side.
-                assert!(all[0] < if line { 3e4 } else { 2e4 } && all[2] < 3.0, "{all:?}");
+                at_1_ms.push((inside, all));
             }
+        }
+        for (inside, all) in at_1_ms {
+            // The valve moves P2 by 15 bar in 150 ms: its third derivative is at most 60·15e5/0.15³ = 2.7e10 Pa/s³, the
+            // local error 0.04 h³ of it, carried for a lag of 45 ms: 0.04·1e-6·2.7e10·0.045 = 49 Pa; 0.3 N per 1e3 Pa.
+            assert!(inside[0] < 50.0 && inside[1] < 1e-5 && inside[2] < 0.02, "{inside:?}");
+            // Where it stops boiling the lag falls forty-fold inside a step, and behind it P2 follows within a step:
+            // two steps' worth of what the valve does, 8 deg·1.875/150 ms = 0.1 deg a step, 45 N and 1.6 bar a degree.
+            assert!(all[0] < 3.2e4 && all[2] < 9.0, "{all:?}");
         }
         // Second order, until the tables of either side differ.
         assert!(boiling[0] / boiling[1] > 3.0, "{boiling:?}");
