@@ -293,6 +293,7 @@ impl Vehicle {
                 lower_rad: 0.0,
                 upper_rad: valve.open_angle_rad,
                 backlash_rad: valve.backlash_rad,
+                friction_rad: valve.friction_rad,
             },
             gimbal_servo: file.gimbal.servo(),
             gimbal: file.gimbal,

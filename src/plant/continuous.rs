@@ -60,15 +60,23 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let (engine, stored_kg) = self.engine_at(open_area_m2, state, share);
+        let (mut engine, stored_kg) = self.engine_at(open_area_m2, state, share);
         // Within a step the tank still holds what the manifold has taken up since it began.
         let nitrous_kg = state.nitrous_kg - stored_kg;
+        engine.thrust_n = held.disturbed.thrust_n(engine.thrust_n);
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
         let pressurant = vehicle.nitrogen(state.nitrogen_kg, nitrous_kg, ambient_pa);
-        let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let left = state.nitrogen_kg.max(0.0) / (DRAIN_S * (thrusters.nitrogen_kg_s + vent_kg_s));
+        if left < 1.0 {
+            thrusters.force_body_n *= left;
+            thrusters.moment_body_n_m *= left;
+            thrusters.nitrogen_kg_s *= left;
+            vent_kg_s *= left;
+        }
 
         // Mass.
         let port_radius_m_s = match self.frozen.port_radius_m {
@@ -116,7 +124,8 @@ impl Plant {
         // Loads.
         let motion = motion(state);
         let body_from_ned = motion.ned_from_body.transpose();
-        let wind_ned_m_s = self.environment.wind.velocity_ned_m_s(self.mission_s_at(share));
+        let wind_ned_m_s =
+            self.environment.wind.velocity_ned_m_s(self.mission_s_at(share), -state.position_ned_m.z);
         let airspeed_body = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
         let drag = vehicle.aero.drag(
             self.environment.atmosphere.density_kg_m3,
@@ -128,11 +137,13 @@ impl Plant {
         } else {
             Contact::NONE
         };
-        let thrust = Load {
-            force_body_n: rigid_body::thrust_direction_body(gimbal.angle_rad) * engine.thrust_n,
-            moment_body_n_m: Vec3::zeros(),
-        };
+        let disturbed = &held.disturbed;
+        let thrust_line =
+            rigid_body::thrust_direction_body(gimbal.angle_rad + Vector2::from(disturbed.misalignment_rad));
+        let [offset_x, offset_y] = disturbed.thrust_offset_m;
+        let thrust = Load::at(Vec3::new(offset_x, offset_y, 0.0), thrust_line * engine.thrust_n);
         let load = thrust
+            + Load { force_body_n: disturbed.force_body_n, moment_body_n_m: disturbed.moment_body_n_m }
             + Load { force_body_n: thrusters.force_body_n, moment_body_n_m: thrusters.moment_body_n_m }
             + drag
             + contact.load;
@@ -298,8 +309,9 @@ impl Plant {
         }
         let servo = &self.vehicle.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
-        let rate = servo.rate(&at, self.held.valve_command_rad);
-        let output = servo.output(&at, &rate, self.held.valve_play_rad);
+        let memory = &self.held.valve_memory;
+        let rate = servo.rate(&at, self.held.valve_command_rad, memory);
+        let output = servo.output(&at, &rate, memory);
         (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
     }
 
@@ -312,8 +324,9 @@ impl Plant {
         let servo = &self.vehicle.gimbal_servo;
         let axis = |axis: usize| {
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
-            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis]);
-            (servo.output(&at, &rate, self.held.gimbal_play_rad[axis]), rate)
+            let memory = &self.held.gimbal_memory[axis];
+            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis], memory);
+            (servo.output(&at, &rate, memory), rate)
         };
         let ((x, x_rate), (y, y_rate)) = (axis(0), axis(1));
         let motion = GimbalMotion {

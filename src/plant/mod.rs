@@ -23,16 +23,18 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::DelayLine;
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::integrator::{Integrable, rk4_step};
+use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
+    EngineCondition, FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    Stages,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -43,9 +45,6 @@ use crate::vehicle::Vehicle;
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
-
-/// The plant's step, unless a test asks for another.
-pub const STEP: SimTime = SimTime::from_us(1_000);
 
 /// The vehicle in its world.
 pub struct Plant {
@@ -59,12 +58,41 @@ pub struct Plant {
     time: SimTime,
     state: State,
     held: Held,
+    disturbances: Disturbances,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
     frozen: Frozen,
     /// `None`: full fidelity.
     paper: Option<Paper>,
+    settled: Option<Settled>,
+}
+
+/// The evaluation at the end of a step, which is the first stage of the next one unless something discrete
+/// has changed since.
+#[derive(Clone, Copy, Debug)]
+struct Settled {
+    state: State,
+    inputs: Inputs,
+    rate: Rate,
+}
+
+/// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
+/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Inputs {
+    condition: EngineCondition,
+    head_pa: f64,
+    feed_built_for: (f64, f64),
+    valve_command_rad: f64,
+    gimbal_command_rad: Vector2<f64>,
+    isolation: f64,
+    vent: f64,
+    rcs_open: PairLevels,
+    lit: bool,
+    ignition: Option<SimTime>,
+    grip: Grip,
+    anchors: Anchors,
 }
 
 /// What a scenario idealises.
@@ -98,9 +126,9 @@ struct Held {
     gimbal_command_rad: Vector2<f64>,
     valve_delay: DelayLine<f64>,
     gimbal_delay: DelayLine<[f64; 2]>,
-    /// Angles behind the play (rad).
-    valve_play_rad: f64,
-    gimbal_play_rad: Vector2<f64>,
+    /// Play and friction of the servos.
+    valve_memory: ServoMemory,
+    gimbal_memory: [ServoMemory; 2],
     /// Openings, 0 shut to 1 open.
     isolation: f64,
     vent: f64,
@@ -132,6 +160,8 @@ struct Held {
     saturated: Option<SimTime>,
     /// The balance of momentum had no solution.
     singular: bool,
+    /// What disturbs the vehicle.
+    disturbed: Effect,
 }
 
 impl Held {
@@ -200,7 +230,15 @@ impl Plant {
     /// # Errors
     /// When the initial state contradicts the vehicle.
     pub fn new(scenario: &Scenario) -> Result<Self, Invalid> {
-        Self::with_step(scenario, STEP)
+        Self::seeded(scenario, scenario.file.seed)
+    }
+
+    /// The same under a seed that replaces the scenario's: turbulence and noisy disturbances follow from it.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn seeded(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
+        Self::at_step_zero(scenario, seed, SimTime::from_s(scenario.file.physics.step_s))
     }
 
     /// One step under a command: the block diagram.
@@ -211,17 +249,53 @@ impl Plant {
             self.obey(command);
             self.begin_feed();
             let dt_s = self.step.s();
+            let first = self.first_rate();
             self.state = match self.options.integrator {
                 IntegratorKind::Rk4 => {
-                    rk4_step(&self.state, dt_s, |state, share| self.evaluate(state, share).rate)
+                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate)
                 }
-                IntegratorKind::Euler => self.state.advanced(&self.evaluate(&self.state, 0.0).rate, dt_s),
+                IntegratorKind::Euler => self.state.advanced(&first, dt_s),
             };
             self.end_feed();
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
+        self.disturb(self.step.s());
         self.settle();
+    }
+
+    /// Rate at the beginning of a step.
+    fn first_rate(&self) -> Rate {
+        let settled = self.settled.as_ref();
+        match settled.filter(|at| at.state == self.state && at.inputs == self.inputs(&self.state)) {
+            Some(settled) => {
+                debug_assert!(
+                    near(&settled.rate, &self.evaluate(&self.state, 0.0).rate),
+                    "Inputs lacks something that evaluate reads"
+                );
+                settled.rate
+            }
+            None => self.evaluate(&self.state, 0.0).rate,
+        }
+    }
+
+    /// What [`Plant::evaluate`] reads beside the state.
+    fn inputs(&self, state: &State) -> Inputs {
+        let held = &self.held;
+        Inputs {
+            condition: self.condition(state),
+            head_pa: held.head_pa,
+            feed_built_for: held.feed.built_for(),
+            valve_command_rad: held.valve_command_rad,
+            gimbal_command_rad: held.gimbal_command_rad,
+            isolation: held.isolation,
+            vent: held.vent,
+            rcs_open: held.rcs_open,
+            lit: held.flame.lit,
+            ignition: held.ignition,
+            grip: held.grip,
+            anchors: held.anchors,
+        }
     }
 
     pub(super) fn note(&mut self, name: &'static str, detail: String) {
@@ -291,6 +365,13 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
+}
+
+/// Equal within what the solver's tolerance and rounding may differ.
+fn near(a: &Rate, b: &Rate) -> bool {
+    let [a, b] = [a, b].map(|rate| State::EMPTY.advanced(rate, 1.0));
+    // Written so that what is not a number is near everything.
+    !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 1e-6 * (1.0 + b.abs()))
 }
 
 fn motion(state: &State) -> Motion {

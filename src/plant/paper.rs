@@ -78,12 +78,12 @@ impl Plant {
         self.state = self.state.advanced(&rate, dt_s);
         if ends {
             self.state.q_ned_from_body.normalize_mut();
+            self.contain_liquid();
         }
     }
 
     /// The rate at a knot, to be held for `length_s`.
     fn held_rate(&mut self, length_s: f64) -> Rate {
-        self.contain_liquid();
         if let Some(paper) = &mut self.paper {
             paper.point = None;
         }

@@ -6,7 +6,8 @@ use super::freeze::Frozen;
 use super::paper::Paper;
 use super::sequence::Sequence;
 use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
-use crate::actuator::DelayLine;
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
 use crate::environment::Environment;
 use crate::frame::{self, Vec3};
@@ -25,6 +26,11 @@ impl Plant {
     /// # Errors
     /// As [`Plant::new`].
     pub fn with_step(scenario: &Scenario, step: SimTime) -> Result<Self, Invalid> {
+        Self::at_step_zero(scenario, scenario.file.seed, step)
+    }
+
+    pub(super) fn at_step_zero(scenario: &Scenario, seed: u32, step: SimTime) -> Result<Self, Invalid> {
+        let seed = u64::from(seed);
         let vehicle = scenario.vehicle.clone();
         let start = &scenario.file.initial;
         let running = start.engine == EngineStart::Running;
@@ -75,7 +81,7 @@ impl Plant {
                 format!("{throat_radius_m} is out of range; allowed up to {widest_m:.6}, short of the exit"),
             ));
         }
-        let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
+        let environment = Environment::new(&scenario.site, &scenario.file.wind, seed)?;
         let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
         let feed = vehicle.engine.feed_map(nitrogen.tank_pa, vehicle.tank.temperature_k);
         let at_rest = vehicle.engine.feed_at_rest(&feed, environment.atmosphere.pressure_pa);
@@ -118,8 +124,8 @@ impl Plant {
                     [0.0; 2],
                     step,
                 ),
-                valve_play_rad: 0.0,
-                gimbal_play_rad: Vector2::zeros(),
+                valve_memory: ServoMemory::default(),
+                gimbal_memory: [ServoMemory::default(); 2],
                 isolation: if running { 1.0 } else { 0.0 },
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
@@ -147,10 +153,13 @@ impl Plant {
                 bottle_low: false,
                 saturated: None,
                 singular: false,
+                disturbed: Effect::default(),
             },
+            disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
+            settled: None,
             frozen: Frozen::default(),
             paper,
             vehicle,
@@ -160,14 +169,63 @@ impl Plant {
         let weight_n =
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
+        plant.judge_chamber()?;
         if options.ground {
+            plant.judge_legs()?;
             plant.stand()?;
         }
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
             plant.run_steady(schedule.at(SimTime::ZERO));
         }
+        plant.disturb(0.0);
         plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
         Ok(plant)
+    }
+
+    /// A chamber that empties so fast that the fixed step would make its gas negative.
+    fn judge_chamber(&self) -> Result<(), Invalid> {
+        if self.vehicle.engine_parameters.chamber.model != ChamberModel::Filling {
+            return Ok(());
+        }
+        let condition = self.condition(&self.state);
+        // Choked, whatever burns; the time constant of a choked chamber does not depend on its pressure.
+        let gas_kg = 30.0 * self.vehicle.engine.gas_at_rest(&condition).oxidizer_kg;
+        let emptying_s = |burning_fraction: f64, of_ratio: f64| {
+            let fuel_kg = burning_fraction * gas_kg / (1.0 + of_ratio);
+            let gas = ChamberGas { oxidizer_kg: gas_kg - fuel_kg, fuel_kg };
+            let condition = EngineCondition { chamber_gas: Some(gas), burning_fraction, ..condition };
+            let point =
+                self.vehicle.engine.operating_point(&self.held.feed, 0.0, &condition, Guess::default());
+            gas_kg / point.nozzle_kg_s
+        };
+        let mixtures = (1..=15).map(|of_ratio| emptying_s(1.0, f64::from(of_ratio)));
+        let shortest_s = mixtures.fold(emptying_s(0.0, 0.0), f64::min);
+        // RK4 halves at two time constants and is stable up to 2.8.
+        if shortest_s >= 0.5 * self.step.s() {
+            return Ok(());
+        }
+        let message = format!(
+            "\"filling\": the chamber empties within {:.1e} s, the step resolves {:.1e} s; \"quasi_steady\" is as good",
+            shortest_s,
+            0.5 * self.step.s()
+        );
+        Err(Invalid::new("engine.chamber.model", message))
+    }
+
+    /// Legs so stiff for the body on them that the fixed step would make it explode.
+    fn judge_legs(&self) -> Result<(), Invalid> {
+        let fastest_1_s =
+            self.vehicle.landing_gear.fastest_rate_1_s(&self.pads_body_m, self.vehicle.mass.dry());
+        // RK4 is stable within 2.5 of the origin, anywhere in the left half of the plane.
+        let allowed_1_s = 2.5 / self.step.s();
+        if fastest_1_s <= allowed_1_s {
+            return Ok(());
+        }
+        let message = format!(
+            "the dry vehicle on these legs moves at up to {fastest_1_s:.0} 1/s, the step resolves {allowed_1_s:.0}: \
+             softer springs or dampers, pads nearer to the centre of mass, or more inertia"
+        );
+        Err(Invalid::new("landing_gear", message))
     }
 
     /// Puts the vehicle on its legs, at rest and upright.
@@ -191,7 +249,7 @@ impl Plant {
         self.obey(command);
         self.state.valve_rad = self.held.demand.valve_rad;
         self.held.valve_command_rad = self.held.demand.valve_rad;
-        self.held.valve_play_rad = self.held.demand.valve_rad;
+        self.held.valve_memory = ServoMemory::at(self.held.demand.valve_rad);
         self.held.valve_delay = DelayLine::for_interval(
             SimTime::from_s(self.vehicle.valve_delay_s),
             self.state.valve_rad,

@@ -18,6 +18,9 @@ use super::{EngineParameters, FeedParameters, PaperMode};
 use crate::input::Invalid;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root, table::TableError};
 
+/// What is reported of a mixture with hardly any fuel; far beyond every map.
+const GREATEST_OF_RATIO: f64 = 1e6;
+
 /// Why an engine cannot be made of its parameters.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineError {
@@ -50,7 +53,7 @@ pub struct Engine {
 }
 
 /// What the engine's answer depends on beside tank and valve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EngineCondition {
     /// Radius of the ports (m).
     pub port_radius_m: f64,
@@ -164,7 +167,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
-        let valve_area = ValveArea::read(texts.valve_area).map_err(EngineError::ValveArea)?;
+        let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
             grain: engine.grain.clone(),
@@ -221,6 +224,16 @@ impl Engine {
     /// Open area of the valve against its angle.
     pub fn valve_area(&self) -> &ValveArea {
         &self.valve_area
+    }
+
+    /// Least and greatest oxidiser flow that a thrust demand may ask for (kg/s).
+    pub fn demand_kg_s(&self) -> (f64, f64) {
+        self.demand_kg_s
+    }
+
+    /// Mixture ratios between which the propulsion map has data; beyond, its ends hold.
+    pub fn mapped_of_ratios(&self) -> (f64, f64) {
+        self.map.of_span()
     }
 
     /// The fuel grain.
@@ -504,7 +517,12 @@ impl<'a> Setting<'a> {
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
         // Of the oxidiser only the burning share takes part; without fuel the map's lean end stands in.
         let lean = engine.map.of_span().1;
-        let of_ratio = if fuel_kg > 0.0 { burning_fraction * oxidizer_kg / fuel_kg } else { lean };
+        // A last trace of fuel would make the ratio infinite.
+        let of_ratio = if fuel_kg > 0.0 {
+            (burning_fraction * oxidizer_kg / fuel_kg).min(GREATEST_OF_RATIO)
+        } else {
+            lean
+        };
         let mixture = engine.map.mixture(of_ratio.min(lean));
         let vessel = Vessel {
             volume_m3: engine.chamber.dead_volume_m3
@@ -595,5 +613,5 @@ impl<'a> Setting<'a> {
 
 /// Quotient that is 0 where it has no meaning.
 fn ratio(oxidizer: f64, fuel: f64) -> f64 {
-    if fuel > 0.0 { oxidizer / fuel } else { 0.0 }
+    if fuel > 0.0 { (oxidizer / fuel).min(GREATEST_OF_RATIO) } else { 0.0 }
 }

@@ -43,7 +43,7 @@ pub use pressurant::{
     Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, PressurantGas, Regulator,
 };
 pub use reaction_control::{Drive, Modulator, Pair, PairLevels, ReactionControl, Thruster, ThrusterLoads};
-pub use valve::{Valve, ValveArea};
+pub use valve::{Valve, ValveArea, ValveMapCheck, WorstRow};
 
 /// The engine proper: the `[engine]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::autopilot::Mission;
+use crate::disturbance::Disturbance;
 use crate::dynamics::slosh::SloshModel;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
@@ -56,6 +57,9 @@ pub struct ScenarioFile {
     /// Wind; absent: calm.
     #[serde(default)]
     pub wind: WindParameters,
+    /// What no model of the vehicle accounts for.
+    #[serde(default)]
+    pub disturbance: Vec<Disturbance>,
     /// State at step 0.
     #[serde(default)]
     pub initial: Initial,
@@ -437,6 +441,11 @@ impl ScenarioFile {
             faults
                 .push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
         }
+        for (index, disturbance) in file.disturbance.iter().enumerate() {
+            if let Err(fault) = disturbance.validate() {
+                faults.push(fault.within(&format!("disturbance.{index}")));
+            }
+        }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
     }
 }
@@ -497,6 +506,7 @@ impl Scenario {
             commands: None,
             site: None,
             wind: WindParameters::default(),
+            disturbance: Vec::new(),
             initial,
             sequence: Sequence::default(),
             actuators: Actuators::default(),
