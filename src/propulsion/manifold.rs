@@ -4,7 +4,7 @@
 //! Content m of the manifold and flow w of the line obey
 //! `dm/dt = w - ṁ_injector` and `L/A dw/dt = P1 + ρ g h - P2 - ΔP_valve(w)`,
 //! P2 follows from m by `ρ(P2, h1) = m/V`: the valve throttles, and what is stored keeps the tank's enthalpy.
-//! While it boils, dρ/dP is two hundred times the liquid's, and filling the 25 mL of the reference vehicle
+//! While it boils, dρ/dP is some hundred times the liquid's, and filling the 25 mL of the reference vehicle
 //! takes 30 to 50 ms; the lag `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)` falls to 1 ms and less where the
 //! flow is liquid. Without a line w is the valve's steady flow; with one, `ΔP_valve = (P1 - P2) (w/w_steady)²`:
 //! exact for liquid, a quadratic through the steady flow of the flashing valve otherwise. A column that would
