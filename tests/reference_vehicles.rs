@@ -27,6 +27,7 @@ fn lit(vehicle: &Vehicle) -> EngineCondition {
         burning_fraction: 1.0,
         ambient_pa: vehicle.site.pressure_pa,
         chamber_gas: None,
+        fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     }
 }
@@ -34,11 +35,8 @@ fn lit(vehicle: &Vehicle) -> EngineCondition {
 /// Mass, centre of mass and inertia with so much nitrous oxide used, as the plant has them.
 fn composite(vehicle: &Vehicle, used_kg: f64) -> (f64, f64, [f64; 3]) {
     let full_kg = vehicle.initial_nitrous_kg();
-    let nitrogen = vehicle.nitrogen(
-        vehicle.initial_nitrogen_kg(full_kg),
-        full_kg - used_kg,
-        vehicle.site.pressure_pa,
-    );
+    let nitrogen =
+        vehicle.nitrogen(vehicle.initial_nitrogen_kg(full_kg), full_kg - used_kg, vehicle.site.pressure_pa);
     let contents = Contents {
         nitrous_kg: full_kg - used_kg,
         nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
@@ -79,7 +77,10 @@ fn the_gt_composite_is_that_of_the_published_parts() {
         println!("{used_kg} kg used: {ours:.3?}, with the published parts {same_parts:.3?}");
         for axis in 0..3 {
             // As it flies: within 1 % across, 3 % about the long axis.
-            assert!((ours[axis] / published[axis] - 1.0).abs() < if axis < 2 { 0.01 } else { 0.03 }, "{ours:?}");
+            assert!(
+                (ours[axis] / published[axis] - 1.0).abs() < if axis < 2 { 0.01 } else { 0.03 },
+                "{ours:?}"
+            );
         }
         if used_kg == 0.0 {
             for axis in 0..3 {
@@ -128,7 +129,8 @@ fn every_number_of_a_vehicle_has_a_basis() {
         }
         let (key, value) = line.split_once(" = ").unwrap_or((line, ""));
         let numeric = value.trim_start().starts_with(|c: char| c.is_ascii_digit() || c == '-');
-        let explained = ["[engine", "[feed.", "[pressurant", "[gimbal", "[rcs]", "[aero", "[slosh", "[landing"];
+        let explained =
+            ["[engine", "[feed.", "[pressurant", "[gimbal", "[rcs]", "[aero", "[slosh", "[landing"];
         if numeric && !key.contains('#') && explained.iter().any(|s| section.starts_with(s)) {
             let exempt = ["radius_m", "reference_pressure_pa", "quasi_steady_below_s"].contains(&key.trim());
             assert!(exempt || line.contains("basis:") || line.contains("CONFLICT"), "line {}: {line}", i + 1);
@@ -144,7 +146,9 @@ fn a_component_from_a_cad_report_is_the_same_vehicle() {
         let frame = "mass_kg = 15.66\nposition_m = [0.02, 0.01, 0.24]\ninertia_kg_m2 = [[6.65, 0.35, -0.02], [0.35, 6.65, -0.02], [-0.02, -0.02, 2.30]]";
         let body = text(&folder().join("vehicles/gt_lander.toml"));
         assert!(body.contains(frame));
-        let document = Document::parse("f.toml", &body.replace(frame, &format!("file = \"frame.txt\"\n{more}"))).unwrap();
+        let document =
+            Document::parse("f.toml", &body.replace(frame, &format!("file = \"frame.txt\"\n{more}")))
+                .unwrap();
         let mut file = VehicleFile::read(&document)?;
         assert_eq!(file.mass_reports(), [(0, "frame.txt".to_owned())]);
         file.import_mass(0, &report).unwrap();
@@ -188,9 +192,10 @@ struct Shape {
 fn static_fire(percent: u32) -> Shape {
     let mut rows: Vec<(f64, f64, f64)> = Vec::new();
     let scenario = scenario(&format!("static_fire_{percent}"), &[]);
-    let report = simulation::fly(&scenario, 1, |now| rows.push((now.time.s(), now.thrust_n, now.oxidizer_kg_s)))
-        .unwrap()
-        .report(false);
+    let report =
+        simulation::fly(&scenario, 1, |now| rows.push((now.time.s(), now.thrust_n, now.oxidizer_kg_s)))
+            .unwrap()
+            .report(false);
     assert!(report.expect.passed, "{:?}", report.expect.items);
     let depleted_s = report.events.iter().find(|e| e.name == "nitrous_depleted").unwrap().time_s;
     let mean = |from: f64, to: f64| {
@@ -233,10 +238,15 @@ fn static_fires_have_the_shape_that_is_written_down() {
     }
     // Concave, as published: half the travel gives more than 80 %. Published starts 0.49 : 0.82 : 1, means
     // 0.41 : 0.82 : 1; ours have 0.53 : 0.92 : 1 for both.
-    for (ours, theirs) in [(low.plateau_start_n / full.plateau_start_n, 0.53), (low.plateau_mean_n / full.plateau_mean_n, 0.53)] {
+    for (ours, theirs) in
+        [(low.plateau_start_n / full.plateau_start_n, 0.53), (low.plateau_mean_n / full.plateau_mean_n, 0.53)]
+    {
         assert!((ours - theirs).abs() < 0.01, "{ours}");
     }
-    for (ours, theirs) in [(half.plateau_start_n / full.plateau_start_n, 0.92), (half.plateau_mean_n / full.plateau_mean_n, 0.92)] {
+    for (ours, theirs) in [
+        (half.plateau_start_n / full.plateau_start_n, 0.92),
+        (half.plateau_mean_n / full.plateau_mean_n, 0.92),
+    ] {
         assert!((ours - theirs).abs() < 0.01, "{ours}");
     }
     // Flow: published slopes of the nitrous scale 0.46 : 0.92 : 1, 0.56 kg/s at 100 %.

@@ -11,6 +11,7 @@
 mod command;
 mod continuous;
 mod discrete;
+mod feed;
 mod freeze;
 mod paper;
 mod sequence;
@@ -35,7 +36,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    EngineCondition, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    EngineCondition, FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    Stages,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -85,6 +87,7 @@ struct Settled {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Inputs {
     condition: EngineCondition,
+    head_pa: f64,
     feed_built_for: (f64, f64),
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
@@ -139,6 +142,11 @@ struct Held {
     grip: Grip,
     anchors: Anchors,
     feed: FeedMap,
+    /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
+    /// liquid at the valve (Pa).
+    feed_start: FeedInput,
+    feed_stages: Stages,
+    head_pa: f64,
     /// Where the engine's solver looks first, and the first and second differences per step of its two
     /// pressures (Pa), injector inlet and chamber.
     guess: Guess,
@@ -248,6 +256,7 @@ impl Plant {
             self.step_paper(command);
         } else {
             self.obey(command);
+            self.begin_feed();
             let dt_s = self.step.s();
             let first = self.first_rate();
             self.state = match self.options.integrator {
@@ -256,6 +265,7 @@ impl Plant {
                 }
                 IntegratorKind::Euler => self.state.advanced(&first, dt_s),
             };
+            self.end_feed();
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
@@ -289,6 +299,7 @@ impl Plant {
         let held = &self.held;
         Inputs {
             condition: self.condition(state),
+            head_pa: held.head_pa,
             feed_built_for: held.feed.built_for(),
             valve_command_rad: held.valve_command_rad,
             gimbal_command_rad: held.gimbal_command_rad,
