@@ -10,7 +10,10 @@ use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, Outflow
 use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
-use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, Pair, PairLevels};
+use crate::propulsion::{
+    ChamberGas, ChamberModel, EngineCondition, Outlet, Pair, PairLevels, Stores, Withdrawal,
+};
+use crate::vehicle::GasSupply;
 
 /// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
 /// passes zero.
@@ -27,23 +30,53 @@ impl Plant {
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
         let drain_s = if self.held.nitrous_depleted { tail_s } else { DRAIN_S };
+        let two_phase = self.vehicle.uncovering.is_some();
+        let (outlet, inert_share) = self.outlet(state);
         let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
         EngineCondition {
             port_radius_m: state.port_radius_m,
             throat_radius_m: state.throat_radius_m,
-            // A share of 0/0, no flow yet, limits nothing.
-            burning_fraction: if fuel_share < 1.0 {
-                state.burning_fraction.min(fuel_share)
-            } else {
-                state.burning_fraction
-            },
+            // A share of 0/0, no flow yet, limits nothing. Nitrogen among the oxidiser does not burn.
+            burning_fraction: (1.0 - inert_share)
+                * if fuel_share < 1.0 {
+                    state.burning_fraction.min(fuel_share)
+                } else {
+                    state.burning_fraction
+                },
             ambient_pa: self.environment.atmosphere.pressure_pa,
             chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
                 oxidizer_kg: state.chamber_oxidizer_kg,
                 fuel_kg: state.chamber_fuel_kg,
             }),
-            oxidizer_flow_limit_kg_s: state.nitrous_kg.max(0.0) / drain_s,
+            // An outlet that uncovers limits its liquid itself.
+            oxidizer_flow_limit_kg_s: if two_phase {
+                f64::INFINITY
+            } else {
+                state.nitrous_kg.max(0.0) / drain_s
+            },
+            outlet,
         }
+    }
+
+    /// What an uncovered outlet draws, and the share of nitrogen in it.
+    fn outlet(&self, state: &State) -> (Option<Outlet>, f64) {
+        let uncovered = self.vehicle.uncovering.and_then(|at| at.gas_shares(state.nitrous_kg));
+        let Some([valve_gas, injector_gas]) = uncovered else {
+            return (None, 0.0);
+        };
+        let GasSupply::Balanced(view) =
+            self.vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa)
+        else {
+            return (None, 0.0);
+        };
+        let outlet = Outlet {
+            valve_gas,
+            injector_gas,
+            gas_pa: view.nitrogen.tank_pa,
+            gas_kg_m3: view.ullage_density_kg_m3(),
+        };
+        let gas_share = outlet.gas_mass_share(self.vehicle.nitrous_density_kg_m3);
+        (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
@@ -72,30 +105,38 @@ impl Plant {
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
+        let stores = stores(state);
+        let supply = vehicle.gas_supply(&stores, ambient_pa);
+        let pressurant = *supply.nitrogen();
         let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
+        let vent_kg_s = vehicle.vent_kg_s(&supply, held.vent, ambient_pa);
+        let liquid_kg_s = engine.oxidizer_kg_s - engine.outlet_gas_kg_s;
+        let gas = vehicle.gas_rate(
+            &stores,
+            &supply,
+            &Withdrawal {
+                liquid_kg_s,
+                gas_kg_s: vent_kg_s + engine.outlet_gas_kg_s,
+                thrusters_kg_s: thrusters.nitrogen_kg_s,
+            },
+        );
+        let nitrous_kg_s = -(liquid_kg_s + gas.evaporation_kg_s);
 
         // Mass.
         let contents = Contents {
             nitrous_kg: state.nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
             port_radius_m: state.port_radius_m,
-            nitrogen_run_tank_kg: pressurant.tank_kg,
+            nitrogen_run_tank_kg: pressurant.tank_kg + pressurant.vapor_kg,
             nitrogen_bottle_kg: pressurant.bottle_kg,
         };
-        let nitrogen_kg_s = -(thrusters.nitrogen_kg_s + vent_kg_s);
-        // What fills the room that the liquid leaves, at constant pressure.
-        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
-        let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
-        let run_tank_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
         let mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
-                nitrous_kg_s: -engine.oxidizer_kg_s,
+                nitrous_kg_s,
                 port_radius_m_s: engine.regression_rate_m_s,
-                nitrogen_run_tank_kg_s: run_tank_kg_s,
-                nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
+                nitrogen_run_tank_kg_s: gas.run_tank_kg_s,
+                nitrogen_bottle_kg_s: gas.bottle_kg_s,
             },
         );
         // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
@@ -171,8 +212,9 @@ impl Plant {
             rate_body_rad_s: acceleration.angular_body_rad_s2,
             slosh_m: state.slosh_m_s,
             slosh_m_s: lateral(acceleration.slosh_body_m_s2),
-            nitrous_kg: -engine.oxidizer_kg_s,
-            nitrogen_kg: nitrogen_kg_s,
+            nitrous_kg: nitrous_kg_s,
+            nitrogen_kg: gas.nitrogen_kg_s,
+            gas: gas.gas,
             port_radius_m: engine.regression_rate_m_s,
             throat_radius_m: engine.throat_erosion_m_s,
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
@@ -275,6 +317,10 @@ impl Plant {
         ];
         (motion, rates)
     }
+}
+
+fn stores(state: &State) -> Stores {
+    Stores { nitrogen_kg: state.nitrogen_kg, nitrous_kg: state.nitrous_kg, gas: state.gas }
 }
 
 fn levels(state: &State) -> PairLevels {

@@ -11,6 +11,7 @@ use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
     ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, Guess, Modulator, PairLevels,
+    Stores,
 };
 use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -72,7 +73,9 @@ impl Plant {
             ));
         }
         let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
-        let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
+        let ambient_pa = environment.atmosphere.pressure_pa;
+        let gas = vehicle.initial_gas(nitrogen_kg, nitrous_kg, ambient_pa);
+        let nitrogen = *vehicle.gas_supply(&Stores { nitrogen_kg, nitrous_kg, gas }, ambient_pa).nitrogen();
         let q = start.q_ned_from_body;
         let state = State {
             position_ned_m: Vec3::from(start.position_ned_m),
@@ -81,6 +84,7 @@ impl Plant {
             rate_body_rad_s: Vec3::from(start.rate_body_rad_s),
             nitrous_kg,
             nitrogen_kg,
+            gas,
             port_radius_m,
             throat_radius_m,
             ..State::EMPTY

@@ -13,11 +13,14 @@ mod combustion;
 mod engine;
 mod feed;
 mod feed_map;
+mod gas_balance;
+mod gas_orifice;
 mod grain;
 mod ignition;
 mod injector;
 mod inverse;
 mod nozzle;
+mod outlet;
 mod pressurant;
 mod reaction_control;
 mod valve;
@@ -30,11 +33,15 @@ pub use combustion::{CombustionMap, Map};
 pub use engine::{Engine, EngineCondition, EngineError, EngineTexts, Guess, OperatingPoint};
 pub use feed::{Isolation, Manifold, ManifoldModel, Tank, Vent, VentedGas};
 pub use feed_map::{FeedMap, Inlet};
+pub use gas_balance::{
+    GasBalance, GasState, GasView, Stores, StoresRate, Ullage, UllageModel, Withdrawal,
+};
 pub use grain::Grain;
-pub use ignition::{BelowMinimum, Depletion, Flame, FlameConditions, Ignition};
+pub use ignition::{BelowMinimum, Depletion, DepletionModel, Flame, FlameConditions, Ignition};
 pub use injector::Injector;
 pub use inverse::Inverse;
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
+pub use outlet::{Outlet, Uncovering};
 pub use pressurant::{
     Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, PressurantGas, Regulator,
 };

@@ -50,6 +50,7 @@ pub fn condition(port_mm: f64, throat_mm: f64) -> EngineCondition {
         ambient_pa: AMBIENT_PA,
         chamber_gas: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     }
 }
 

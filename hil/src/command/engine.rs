@@ -112,6 +112,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         ambient_pa: vehicle.site.pressure_pa,
         chamber_gas: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     };
     // The range of the tables; liquid stays liquid above its own vapour pressure only.
     within("--tank-k", tank_k, 240.0, 306.0)?;
