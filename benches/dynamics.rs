@@ -55,7 +55,7 @@ fn main() {
     frozen.load =
         Load { force_body_n: Vec3::new(5.0, 3.0, -800.0), moment_body_n_m: Vec3::new(1.0, 0.5, 2.0) };
     let mut sloshing = frozen;
-    sloshing.slosh = Some((&mode, &slosh));
+    sloshing.slosh[0] = Some((&mode, &slosh));
     let mut full = sloshing;
     full.swing = Some(Swing { part: &masses.swinging, gimbal });
 

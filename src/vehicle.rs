@@ -12,16 +12,16 @@ use crate::controls::Controls;
 use crate::dynamics::aerodynamics::Aerodynamics;
 use crate::dynamics::landing_gear::{HoldDown, LandingGear};
 use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
-use crate::dynamics::slosh::Slosh;
+use crate::dynamics::slosh::{Slosh, SloshModel};
 use crate::environment::Site;
 use crate::fluid::{Isotherm, Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
-    BottleModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts, FeedParameters,
-    GasBalance, GasState, GasView, Isolation, ManifoldModel, NitrogenInventory, NitrogenState, PairLevels,
-    PaperMode, Pressurant, PressurantGas, ReactionControl, Stores, StoresRate, Tank, UllageModel, Uncovering,
-    Vent, VentedGas, Withdrawal,
+    BottleModel, ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts,
+    FeedParameters, GasBalance, GasState, GasView, Isolation, ManifoldModel, NitrogenInventory,
+    NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl, Stores, StoresRate,
+    Tank, UllageModel, Uncovering, Vent, VentedGas, Withdrawal,
 };
 use crate::sensor::SensorParameters;
 
@@ -206,6 +206,20 @@ impl GasSupply {
             Self::Balanced(view) => &view.nitrogen,
         }
     }
+
+    /// Shares of what thrusters and vent want (kg/s) that are there, where each takes `drain_s` at least to
+    /// empty its store; 1 or above, or no number, where there is plenty.
+    #[inline]
+    pub fn shares_left(&self, stores: &Stores, wanted_kg_s: [f64; 2], drain_s: f64) -> [f64; 2] {
+        let [thrusters, vent] = wanted_kg_s;
+        match self {
+            Self::Distributed(_) => [stores.nitrogen_kg.max(0.0) / (drain_s * (thrusters + vent)); 2],
+            Self::Balanced(view) => {
+                let NitrogenState { tank_kg, vapor_kg, bottle_kg, .. } = view.nitrogen;
+                [bottle_kg / (drain_s * thrusters), (tank_kg + vapor_kg) / (drain_s * vent)]
+            }
+        }
+    }
 }
 
 /// A vehicle, ready for a plant: parameters in body FRD, tables parsed.
@@ -263,6 +277,8 @@ pub struct Vehicle {
     pub mass: MassModel,
     /// Density of the liquid in the tank (kg/m³).
     pub nitrous_density_kg_m3: f64,
+    /// Numbers of the seed paper's mode.
+    pub paper_mode: PaperMode,
 }
 
 impl Vehicle {
@@ -371,7 +387,17 @@ impl Vehicle {
             sensors,
             mass,
             nitrous_density_kg_m3: nitrous.density_kg_m3,
+            paper_mode: file.paper_mode,
         })
+    }
+
+    /// Takes the model choices of the seed paper, whatever the file says.
+    pub fn keep_to_the_paper(&mut self) {
+        self.slosh.model = SloshModel::OneWayPaper;
+        self.gimbal.engine_inertia = false;
+        self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
+        self.gas_model = GasModel::Distributed;
+        self.uncovering = None;
     }
 
     /// Liquid that the run tank holds at the start (kg).
@@ -445,7 +471,7 @@ impl Vehicle {
                 StoresRate {
                     nitrogen_kg_s,
                     run_tank_kg_s,
-                    bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
+                    total_kg_s: nitrogen_kg_s,
                     ..StoresRate::default()
                 }
             }

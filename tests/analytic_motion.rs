@@ -8,7 +8,7 @@ use hopbench::dynamics::slosh::{Coupling, SloshModel, SloshState};
 use hopbench::dynamics::{Load, aerodynamics::Aerodynamics, landing_gear::HoldDown};
 use hopbench::frame::{Mat3, Vec3, structural_from_frd};
 use hopbench::integrator::rk4_step;
-use motion::{FULL, State, balance, full_mode, reference_vehicle};
+use motion::{FULL, State, balance, full_mode, mode_of, reference_vehicle};
 use nalgebra::Vector2;
 
 const G_M_S2: f64 = 9.80665;
@@ -119,18 +119,14 @@ fn slosh_mass_fraction_grows_as_the_tank_empties() {
     // Shares of the liquid: 7.6 % full, 20 % at 5 kg, 47 % at 2 kg; frequency 13.8 rad/s under 1 g.
     let reference = reference_vehicle();
     for (nitrous_kg, share) in [(FULL.nitrous_kg, 0.076), (5.0, 0.20), (2.0, 0.47)] {
-        let mode = reference
-            .slosh
-            .mode(reference.model.tank(), nitrous_kg, FULL.nitrous_density_kg_m3, G_M_S2)
-            .unwrap();
+        let mode = mode_of(&reference, nitrous_kg, G_M_S2);
         assert!((mode.mass_kg / nitrous_kg - share).abs() < 0.006, "{}", mode.mass_kg / nitrous_kg);
     }
     assert!((full_mode(&reference, G_M_S2).stiffness_1_s2.sqrt() - 13.8).abs() < 0.05);
     assert_eq!(full_mode(&reference, -3.0).stiffness_1_s2, 0.0);
     assert_eq!(full_mode(&reference, 0.0).damping_rate_1_s, 0.2);
     // An empty tank: the liquid's last film follows 2/(ξ² - 1) of nothing, and nothing is not NaN.
-    let empty =
-        reference.slosh.mode(reference.model.tank(), 0.0, FULL.nitrous_density_kg_m3, G_M_S2).unwrap();
+    let empty = mode_of(&reference, 0.0, G_M_S2);
     assert_eq!(empty.mass_kg, 0.0);
     assert!((empty.station_z_body_m + 0.2).abs() < 1e-15);
 }
@@ -279,9 +275,9 @@ fn one_way_slosh_counts_its_mass_twice() {
         };
         let mut balance = balance(&vehicle, &flow, Vec3::zeros());
         balance.load.force_body_n.x = 10.0;
-        balance.slosh = Some((&mode, &slosh));
+        balance.slosh[0] = Some((&mode, &slosh));
         let a = accelerations(&balance);
-        assert!(a.slosh_body_m_s2.norm() < 1e-9, "the liquid rests in the accelerated tank");
+        assert!(a.slosh_body_m_s2[0].norm() < 1e-9, "the liquid rests in the accelerated tank");
         let expected = match mode.coupling {
             Coupling::TwoWay => acceleration,
             Coupling::OneWay => (10.0 - mode.mass_kg * driving) / m,

@@ -8,7 +8,7 @@ use hopbench::dynamics::slosh::{Mode, SloshState};
 use hopbench::dynamics::{Load, rigid_body::GimbalMotion};
 use hopbench::frame::{Mat3, Vec3, point_inertia};
 use hopbench::integrator::{Integrable, rk4_step};
-use motion::{FULL, State, balance, full_mode, gimbal_sine, reference_vehicle};
+use motion::{FULL, State, balance, full_mode, gimbal_sine, mode_of, reference_vehicle};
 use nalgebra::{Quaternion, Vector2};
 
 /// The vehicle at t = 0 and how it changes: linear in time, so that P and J are exact.
@@ -18,6 +18,7 @@ struct Vehicle {
     rate: MassRate,
     outflow: Outflow,
     mode: Mode,
+    second: Option<Mode>,
     gimbal_scale: f64,
 }
 
@@ -36,6 +37,7 @@ impl Vehicle {
             },
             outflow,
             mode: full_mode(&reference, 9.8),
+            second: None,
             gimbal_scale: 1.0,
         }
     }
@@ -56,7 +58,7 @@ impl Vehicle {
     fn with_balance<T>(&self, s: &State, t: f64, f: impl FnOnce(&Balance) -> T) -> T {
         let (vehicle, flow) = self.at(t);
         let mut balance = balance(&vehicle, &flow, s.rate_body_rad_s);
-        balance.slosh = Some((&self.mode, &s.slosh));
+        balance.slosh = [Some((&self.mode, &s.slosh)), self.second.as_ref().map(|m| (m, &s.second_slosh))];
         balance.swing = Some(Swing { part: &self.engine, gimbal: self.gimbal(t) });
         f(&balance)
     }
@@ -94,6 +96,10 @@ fn tumbling() -> State {
         slosh: SloshState {
             displacement_body_m: Vector2::new(0.02, -0.03),
             velocity_body_m_s: Vector2::new(0.2, 0.1),
+        },
+        second_slosh: SloshState {
+            displacement_body_m: Vector2::new(-0.01, 0.005),
+            velocity_body_m_s: Vector2::new(0.1, -0.3),
         },
     }
 }
@@ -268,7 +274,7 @@ fn a_stand_carries_exactly_what_makes_the_vehicle_stay() {
         let free = accelerations(&b);
         assert!((free.specific_force_body_m_s2 + gravity_body).norm() < 1e-12);
         assert!(free.angular_body_rad_s2.norm() < 1e-12);
-        assert!((free.slosh_body_m_s2 - held.slosh_body_m_s2).norm() < 1e-12);
+        assert!((free.slosh_body_m_s2[0] - held.slosh_body_m_s2[0]).norm() < 1e-12);
     });
 }
 
@@ -286,7 +292,7 @@ proptest::proptest! {
         let reference = reference_vehicle();
         let contents = hopbench::dynamics::mass::Contents { nitrous_kg, port_radius_m, ..FULL };
         let masses = reference.model.evaluate(&contents, &Default::default());
-        let mode = reference.slosh.mode(reference.model.tank(), nitrous_kg, 834.3, axial_m_s2).unwrap();
+        let mode = mode_of(&reference, nitrous_kg, axial_m_s2);
         let slosh = SloshState {
             displacement_body_m: Vector2::new(s[0], s[1]),
             velocity_body_m_s: Vector2::new(s[2], s[3]) * 10.0,
@@ -299,10 +305,10 @@ proptest::proptest! {
         let flow = FlowTerms::none();
         let mut balance = balance(&masses.vehicle, &flow, Vec3::from(w));
         balance.load.force_body_n = Vec3::from(force);
-        balance.slosh = Some((&mode, &slosh));
+        balance.slosh[0] = Some((&mode, &slosh));
         balance.swing = Some(Swing { part: &masses.swinging, gimbal });
         let a = accelerations(&balance);
         assert_eq!(a.status, hopbench::dynamics::rigid_body::SolveStatus::Solved);
-        assert!(a.slosh_body_m_s2.norm().is_finite() && a.slosh_force_body_n.norm().is_finite());
+        assert!(a.slosh_body_m_s2[0].norm().is_finite() && a.slosh_force_body_n.norm().is_finite());
     }
 }

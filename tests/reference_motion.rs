@@ -6,7 +6,7 @@ mod motion;
 use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::{FlowTerms, MassProperties};
 use hopbench::dynamics::rigid_body::{Swing, accelerations, thrust_direction_body};
-use hopbench::dynamics::slosh::{Coupling, Mode, SloshState};
+use hopbench::dynamics::slosh::{Coupling, HardeningLaw, Mode, SloshState};
 use hopbench::frame::{Mat3, Vec3, point_inertia};
 use hopbench::integrator::rk4_step;
 use motion::{State, balance, gimbal_sine};
@@ -56,7 +56,9 @@ fn deviations(case: &str) -> [f64; 5] {
         station_z_body_m: inputs.one("slosh_station_m"),
         stiffness_1_s2: inputs.one("slosh_stiffness_1_s2"),
         damping_rate_1_s: inputs.one("slosh_damping_1_s"),
+        baffle_rate: 0.0,
         hardening_1_m2_s2: inputs.one("slosh_hardening_1_m2_s2"),
+        hardening_law: HardeningLaw::PerAxis,
         stop_radius_m: 1.0, // out of reach
         stop_stiffness_1_s2: 1e4,
         stop_damping_rate_1_s: 0.0,
@@ -82,6 +84,7 @@ fn deviations(case: &str) -> [f64; 5] {
             displacement_body_m: inputs.two("slosh_m"),
             velocity_body_m_s: inputs.two("slosh_velocity_m_s"),
         },
+        second_slosh: SloshState::default(),
     };
     let mut step = 0;
     let mut worst = [0.0_f64; 5];
@@ -93,7 +96,7 @@ fn deviations(case: &str) -> [f64; 5] {
                 let gimbal = gimbal_sine(sine_x, sine_y, (f64::from(step) + fraction) * STEP_S);
                 let mut balance = balance(&vehicle, &flow, s.rate_body_rad_s);
                 balance.load = Load::at(Vec3::zeros(), thrust_direction_body(gimbal.angle_rad) * thrust_n);
-                balance.slosh = Some((&mode, &s.slosh));
+                balance.slosh[0] = Some((&mode, &s.slosh));
                 balance.swing = Some(Swing { part: &engine, gimbal });
                 s.rate(&accelerations(&balance), gravity_m_s2)
             });

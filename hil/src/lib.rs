@@ -21,6 +21,7 @@ pub mod bench;
 pub mod live;
 pub mod pilot;
 pub mod report;
+pub mod throttle_map;
 
 // The program.
 pub mod command;

@@ -31,6 +31,15 @@ impl RunFolder {
         Self::create(&Path::new("runs").join(format!("{scenario}-{seconds}-{}", std::process::id())))
     }
 
+    /// Leaves a file in the folder.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn leave(&self, name: &str, text: &str) -> Result<()> {
+        let path = self.0.join(name);
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    }
+
     /// Leaves the report in the folder and notes the folder in the report. The file is complete or not there.
     ///
     /// # Errors

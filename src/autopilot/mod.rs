@@ -32,7 +32,7 @@ use guidance::{Reference, ReferenceGenerator};
 use nalgebra::UnitQuaternion;
 use navigation::{Navigation, NavigationHealth, NavigationParameters, Standing};
 use phase::{Evidence, Sequence, SequenceParameters};
-pub use phase::{Mission, MissionKind, Phase};
+pub use phase::{MassKnowledge, Mission, MissionKind, Phase};
 use propellant::{MassPoint, PropellantEstimate, PropellantParameters};
 
 /// Everything the flight controller is told before the flight.
@@ -348,6 +348,9 @@ impl Autopilot {
         let lit = self.chamber_pa.map(|p| p >= 0.5 * self.parameters.sequence.lit_pressure_pa);
         let demand_n = if self.command.armed { self.demand_n() } else { 0.0 };
         self.propellant.step(&self.parameters.propellant, &self.parameters.thrust_map, demand_n, lit, dt_s);
+        if self.parameters.mission.mass_knowledge == MassKnowledge::Liftoff {
+            self.propellant.mass_kg = self.parameters.propellant.full.mass_kg;
+        }
         if self.integrate.airborne && self.height_m() > 0.3 {
             let force_n = -self.navigation.specific_force_body_m_s2().z * self.propellant.mass_kg;
             self.propellant.trim_step(&self.parameters.propellant, force_n, dt_s);

@@ -71,12 +71,25 @@ pub enum MissionKind {
     Hop,
 }
 
+/// What the autopilot believes of the vehicle's mass properties.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MassKnowledge {
+    /// They follow the propellant that its engine model says is gone.
+    #[default]
+    Live,
+    /// They stay as they were loaded, to see what the knowledge is worth.
+    Liftoff,
+}
+
 /// The `[mission]` table of a scenario. Heights are of the pivot above its rest height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mission {
     /// Kind of flight.
     pub kind: MissionKind,
+    /// What the autopilot believes of mass, centre of mass and inertia in flight.
+    pub mass_knowledge: MassKnowledge,
     /// Greatest speed of the climb (m/s).
     #[schemars(range(min = 0.2, max = 20.0))]
     pub ascent_speed_m_s: f64,
@@ -122,6 +135,7 @@ impl Default for Mission {
     fn default() -> Self {
         Self {
             kind: MissionKind::Hop,
+            mass_knowledge: MassKnowledge::default(),
             ascent_speed_m_s: 6.0,
             hover_height_m: 50.0,
             hover_time_s: 10.0,

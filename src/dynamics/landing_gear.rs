@@ -19,9 +19,10 @@
 //! legs have no mass and pads no size.
 
 use super::Load;
-use crate::frame::{Mat3, Vec3};
+use super::mass::MassProperties;
+use crate::frame::{Mat3, Vec3, skew};
 use core::f64::consts::TAU;
-use nalgebra::Vector2;
+use nalgebra::{Matrix3x6, Matrix6, Vector2};
 
 /// Most legs a vehicle can have.
 pub const MAX_LEGS: usize = 8;
@@ -254,6 +255,31 @@ impl LandingGear {
                 / (self.stiffness_n_m + self.bottom_stiffness_n_m)
         };
         -self.pad_z_m - deflection_m
+    }
+
+    /// The fastest that a body on these legs can move by itself (1/s): an upper bound, at any attitude, of what a
+    /// fixed step must resolve. Every pad acts with its stiffest spring and damper in every direction.
+    pub fn fastest_rate_1_s(&self, pads_body_m: &[Vec3; MAX_LEGS], body: &MassProperties) -> f64 {
+        let centre = body.centre_of_mass_body_m();
+        // Sum of J^T J over the pads, J = (1, -r~): force of the pads per displacement of the body, and its moment.
+        let mut gain = Matrix6::zeros();
+        for &pad in pads_body_m.iter().take(self.legs()) {
+            let mut jacobian = Matrix3x6::zeros();
+            jacobian.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+            jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&-skew(pad - centre));
+            gain += jacobian.tr_mul(&jacobian);
+        }
+        let mut mass = Matrix6::zeros();
+        mass.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(body.mass_kg);
+        mass.fixed_view_mut::<3, 3>(3, 3).copy_from(&body.inertia_about_com_kg_m2());
+        let Some(root) = mass.cholesky() else { return f64::INFINITY };
+        // L^-1 G L^-T has the eigenvalues of M^-1 G and is symmetric.
+        let Some(half) = root.l().solve_lower_triangular(&gain) else { return f64::INFINITY };
+        let Some(whole) = root.l().solve_lower_triangular(&half.transpose()) else { return f64::INFINITY };
+        let most_1_kg = whole.symmetric_eigenvalues().max();
+        let stiffness_n_m = (self.stiffness_n_m + self.bottom_stiffness_n_m).max(self.stick_stiffness_n_m);
+        let damping_n_s_m = self.damping_n_s_m.max(self.stick_damping_n_s_m);
+        (stiffness_n_m * most_1_kg).sqrt().max(damping_n_s_m * most_1_kg)
     }
 
     /// Energy in the leg springs, vertical and sideways (J), for audits.

@@ -10,6 +10,8 @@
 //! [A + w'×r + w×(w×r) + 2 w×r' + r'']_xy                           = spring, damper and stop per mass
 //! ```
 //!
+//! with one such m_s, r and last row for each sloshing mode.
+//!
 //! The swinging engine's angles are prescribed (its servo is a position servo). With W its rate relative
 //! to the body, S_e and I_e its deflected first moment and inertia about O, S and I hold the deflected
 //! engine and
@@ -19,7 +21,7 @@
 //! M += -(I_e W' + W×(I_e W)) - (W~ I_e - I_e W~) w - w×(I_e W)
 //! ```
 //!
-//! The system is symmetric and positive definite. Its last two rows give r'' by themselves; what is left
+//! The system is symmetric and positive definite. The rows of the modes give r'' by themselves; what is left
 //! for A is diagonal; so one 3 x 3 solve for w' remains. Neglected: dP/dt (some newtons during a throttle
 //! step), swirl of the jet, the deflection of the engine in P and J, the exchange of mass between liquid
 //! at rest and sloshing liquid.
@@ -29,7 +31,7 @@
 
 use super::Load;
 use super::mass::{FlowTerms, MassProperties};
-use super::slosh::{Coupling, Mode, SloshState};
+use super::slosh::{Coupling, MODES, Mode, SloshState};
 use crate::frame::{Mat3, Vec3};
 use nalgebra::Vector2;
 
@@ -44,8 +46,8 @@ pub struct Balance<'a> {
     pub rate_body_rad_s: Vec3,
     /// Every applied force but gravity, and its moment about O.
     pub load: Load,
-    /// The sloshing liquid; `None`: frozen.
-    pub slosh: Option<(&'a Mode, &'a SloshState)>,
+    /// The sloshing liquid, mode by mode; `None`: frozen.
+    pub slosh: [Option<(&'a Mode, &'a SloshState)>; MODES],
     /// The swinging engine; `None`: it has no inertia of its own.
     pub swing: Option<Swing<'a>>,
 }
@@ -87,9 +89,9 @@ pub struct Acceleration {
     pub specific_force_body_m_s2: Vec3,
     /// Angular acceleration, body FRD (rad/s²).
     pub angular_body_rad_s2: Vec3,
-    /// Second derivative of the slosh displacement, body FRD x and y (m/s²).
-    pub slosh_body_m_s2: Vector2<f64>,
-    /// Force of spring, damper and stop on the vehicle, body FRD x and y (N).
+    /// Second derivative of the slosh displacement of each mode, body FRD x and y (m/s²).
+    pub slosh_body_m_s2: [Vector2<f64>; MODES],
+    /// Force of springs, dampers and stops on the vehicle, all modes, body FRD x and y (N).
     pub slosh_force_body_n: Vector2<f64>,
     /// Whether it is a solution.
     pub status: SolveStatus,
@@ -100,7 +102,7 @@ impl Acceleration {
     const SINGULAR: Self = Self {
         specific_force_body_m_s2: Vec3::new(0.0, 0.0, 0.0),
         angular_body_rad_s2: Vec3::new(0.0, 0.0, 0.0),
-        slosh_body_m_s2: Vector2::new(0.0, 0.0),
+        slosh_body_m_s2: [Vector2::new(0.0, 0.0); MODES],
         slosh_force_body_n: Vector2::new(0.0, 0.0),
         status: SolveStatus::Singular,
     };
@@ -137,7 +139,7 @@ pub fn thrust_direction_body(gimbal_rad: Vector2<f64>) -> Vec3 {
 
 /// Accelerations of the free vehicle. Pure: the integrator calls it once per stage.
 pub fn accelerations(balance: &Balance) -> Acceleration {
-    match balance.slosh {
+    match balance.slosh[0] {
         Some((mode, state)) if mode.coupling == Coupling::OneWay => one_way(balance, mode, state),
         _ => coupled(balance),
     }
@@ -151,14 +153,16 @@ pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Loa
     let specific_force = -gravity_body_m_s2;
     let mut force = specific_force * terms.body.mass_kg - terms.load.force_body_n;
     let mut moment = terms.body.first_moment_kg_m.cross(&specific_force) - terms.load.moment_body_n_m;
-    let (mut slosh, mut slosh_force) = (Vector2::zeros(), Vector2::zeros());
-    if let Some((mode, state)) = balance.slosh {
+    let (mut slosh, mut slosh_force) = ([Vector2::zeros(); MODES], Vector2::zeros());
+    for (slosh, sloshing) in slosh.iter_mut().zip(&balance.slosh) {
+        let Some((mode, state)) = *sloshing else { continue };
         let restoring = mode.restoring_m_s2(state);
-        slosh = restoring - specific_force.xy();
-        slosh_force = restoring * -mode.mass_kg;
+        *slosh = restoring - specific_force.xy();
+        let on_vehicle = restoring * -mode.mass_kg;
+        slosh_force += on_vehicle;
         let on_body = match mode.coupling {
-            Coupling::TwoWay => lateral(slosh) * mode.mass_kg,
-            Coupling::OneWay => -lateral(slosh_force),
+            Coupling::TwoWay => lateral(*slosh) * mode.mass_kg,
+            Coupling::OneWay => -lateral(on_vehicle),
         };
         force += on_body;
         moment += slosh_place(mode, state).cross(&on_body);
@@ -181,7 +185,7 @@ pub fn momentum(balance: &Balance, velocity_body_m_s: Vec3) -> (Vec3, Vec3) {
     let (m, s, i) = (terms.body.mass_kg, terms.body.first_moment_kg_m, terms.body.inertia_kg_m2);
     let mut linear = velocity_body_m_s * m + w.cross(&s) + balance.flow.momentum_body_kg_m_s;
     let mut angular = s.cross(&velocity_body_m_s) + i * w;
-    if let Some((mode, state)) = balance.slosh.filter(|(mode, _)| mode.coupling == Coupling::TwoWay) {
+    for (mode, state) in two_way(balance) {
         let relative = lateral(state.velocity_body_m_s) * mode.mass_kg;
         linear += relative;
         angular += slosh_place(mode, state).cross(&relative);
@@ -229,7 +233,7 @@ impl Terms {
                 + rate.cross(&times(&i_e, w));
             engine = Some(deflected);
         }
-        if let Some((mode, state)) = balance.slosh.filter(|(mode, _)| mode.coupling == Coupling::TwoWay) {
+        for (mode, state) in two_way(balance) {
             // A point mass taken from (0, 0, z) and put at (x, y, z).
             let (m_s, r) = (mode.mass_kg, slosh_place(mode, state));
             let (x, y) = (m_s * r.x, m_s * r.y);
@@ -258,6 +262,11 @@ fn deflect(swing: &Swing) -> (Engine, Vec3) {
         inertia: product(&product(&e, &swing.part.inertia_kg_m2), &e.transpose()),
     };
     (engine, acceleration)
+}
+
+/// The modes whose mass is part of the vehicle's.
+fn two_way<'a>(balance: &'a Balance) -> impl Iterator<Item = (&'a Mode, &'a SloshState)> {
+    balance.slosh.iter().flatten().copied().filter(|(mode, _)| mode.coupling == Coupling::TwoWay)
 }
 
 /// Where the sloshing mass is, body FRD from O. The one-way form leaves it on the axis.
@@ -291,7 +300,8 @@ fn coupled(balance: &Balance) -> Acceleration {
 
     // The slosh rows say r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out
     // of the lateral inertia and leave m_s `free` as a load.
-    let slosh = balance.slosh.map(|(mode, state)| {
+    let slosh = balance.slosh.map(|sloshing| {
+        let (mode, state) = sloshing?;
         let (m_s, r) = (mode.mass_kg, slosh_place(mode, state));
         let restoring = mode.restoring_m_s2(state);
         let coriolis = w.cross(&lateral(state.velocity_body_m_s)) * 2.0;
@@ -307,7 +317,7 @@ fn coupled(balance: &Balance) -> Acceleration {
         c[2] += Vec3::new(q.y, -q.x, 0.0);
         let (zz, zx, zy) = (q.z * r.z, q.z * r.x, q.z * r.y);
         d -= Mat3::new(zz, 0.0, -zx, 0.0, zz, -zy, -zx, -zy, q.x * r.x + q.y * r.y);
-        (r, free, restoring * -m_s)
+        Some((r, free, restoring * -m_s))
     });
 
     if !(a.x > 0.0 && a.z > 0.0) {
@@ -331,10 +341,12 @@ fn coupled(balance: &Balance) -> Acceleration {
     if !(specific_force.norm_squared() + angular.norm_squared()).is_finite() {
         return Acceleration::SINGULAR;
     }
-    let (slosh_body_m_s2, slosh_force_body_n) = slosh
-        .map_or((Vector2::zeros(), Vector2::zeros()), |(r, free, on_vehicle)| {
-            (free - (specific_force + angular.cross(&r)).xy(), on_vehicle)
-        });
+    let mut slosh_force_body_n = Vector2::zeros();
+    let slosh_body_m_s2 = slosh.map(|sloshing| {
+        let Some((r, free, on_vehicle)) = sloshing else { return Vector2::zeros() };
+        slosh_force_body_n += on_vehicle;
+        free - (specific_force + angular.cross(&r)).xy()
+    });
     Acceleration {
         specific_force_body_m_s2: specific_force,
         angular_body_rad_s2: angular,
@@ -347,14 +359,14 @@ fn coupled(balance: &Balance) -> Acceleration {
 /// The seed paper's coupling: the frozen body drives the oscillator, then the oscillator's force acts on
 /// the frozen body at its station.
 fn one_way(balance: &Balance, mode: &Mode, state: &SloshState) -> Acceleration {
-    let frozen = Balance { slosh: None, ..*balance };
+    let frozen = Balance { slosh: [None; MODES], ..*balance };
     let station = slosh_place(mode, state);
     let driving = coupled(&frozen).specific_force_at(station, balance.rate_body_rad_s);
     let restoring = mode.restoring_m_s2(state);
     let force = restoring * -mode.mass_kg;
     let load = balance.load + Load::at(station, lateral(force));
     Acceleration {
-        slosh_body_m_s2: restoring - driving.xy(),
+        slosh_body_m_s2: [restoring - driving.xy(), Vector2::zeros()],
         slosh_force_body_n: force,
         ..coupled(&Balance { load, ..frozen })
     }

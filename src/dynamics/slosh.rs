@@ -1,8 +1,9 @@
-//! First lateral sloshing mode of the liquid: a mass that moves across the tank on a spring.
+//! Lateral sloshing modes of the liquid: masses that move across the tank on springs.
 //!
 //! Frequency, mass and station come from linear potential flow in an upright flat-floored cylinder
 //! (Abramson, NASA SP-106, 1966; Dodge, The New Dynamic Behavior of Liquids in Moving Containers,
-//! 2000), with `ξ = 1.8412` the first zero of J1', R the tank radius and h the liquid's height:
+//! 2000; Ibrahim, Liquid Sloshing Dynamics, 2005), with `ξ = 1.8412, 5.3314` the zeros of J1', R the tank
+//! radius and h the liquid's height:
 //!
 //! ```text
 //! ω²  = g_eff ξ/R tanh(ξ h/R)                g_eff = axial specific force, not gravity
@@ -10,7 +11,22 @@
 //! z_s = h - (2R/ξ) tanh(ξ h/(2R))            above the floor
 //! ```
 //!
-//! The spring hardens with the cube of the displacement (Duffing), damping has a floor, and beyond
+//! The station follows from the mode's potential J1(k r) cos θ cosh(k z), k = ξ/R. Its pressure on the wall
+//! gives the side force F ~ sinh(kh)/k, and on wall and floor the moment about the floor's centre
+//! M ~ h sinh(kh)/k - (cosh(kh) - 2)/k². The spring's force at z_s and the weight of the displaced mass must
+//! give the same, M = F z_s + F g/ω², hence z_s = h - 2 (cosh(kh) - 1)/(k sinh(kh)): the line above, for every
+//! mode. `tests/reference_slosh.rs` has the modes of a Ritz solution that knows no Bessel function. The share of mode n falls
+//! as 2/(ξ² - 1) in a shallow tank (0.84, 0.07) and all shares together are the whole liquid.
+//!
+//! The spring hardens with the cube of the displacement (Duffing): along each axis for itself, as the seed
+//! paper writes it, or with the distance from the axis, which in a round tank is the law that gives no
+//! moment about the axis: then the two directions exchange energy, and planar motion that is driven beyond
+//! the amplitude (2 f/α)^(1/3), f the driving acceleration, α the cubic stiffness per mass, goes over into
+//! rotary motion. A ring baffle adds damping that grows with the root of the amplitude a,
+//! `ζ = ζ_b (a/R)^(1/2)`, `a² = s² + (s'/ω)²` (Miles, Ring Damping of Free Surface Oscillations in a Circular
+//! Tank, J. Appl. Mech. 25, 1958, whose ζ_b is 2.83 (A/(π R²))^(3/2) exp(-4.6 d/R) for a ring of area A at depth d).
+//!
+//! Damping has a floor, and beyond
 //! `stop_fraction` of the radius a damped stop pushes the liquid back: in free fall there is no gravity
 //! mode and nothing else would keep it in the tank. Valid for displacements small against R; the stop is
 //! numerical, not a model of impact.
@@ -23,8 +39,10 @@
 use super::mass::TankGeometry;
 use nalgebra::Vector2;
 
-/// First zero of the derivative of the Bessel function J1.
-const XI: f64 = 1.841_183_781_340_659_4;
+/// Modes that can run at once.
+pub const MODES: usize = 2;
+/// First zeros of the derivative of the Bessel function J1.
+const XI: [f64; MODES] = [1.841_183_781_340_659_4, 5.331_442_773_525_033];
 /// Standard gravity (m/s²), which the one-way form uses whatever the vehicle feels.
 const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
@@ -40,6 +58,19 @@ pub enum SloshModel {
     Frozen,
 }
 
+/// How the spring of a mode hardens.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum HardeningLaw {
+    /// With the cube of each axis's own displacement, α (x³, y³): the seed paper's form.
+    #[default]
+    PerAxis,
+    /// With the distance from the tank's axis, α (x² + y²) (x, y): rotary sloshing is possible.
+    Radial,
+}
+
 /// Slosh parameters, the `[slosh]` table of a vehicle file.
 #[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -52,6 +83,16 @@ pub struct Slosh {
     /// Hardening: cubic stiffness over linear stiffness, times the tank radius squared.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub hardening: f64,
+    /// How it hardens: each axis for itself, or with the distance from the tank's axis.
+    #[serde(default)]
+    pub hardening_law: HardeningLaw,
+    /// Second lateral mode beside the first, in the two-way form.
+    #[serde(default)]
+    pub second_mode: bool,
+    /// Damping ratio that a ring baffle adds at an amplitude of one tank radius; it grows with the root of the amplitude. 0: no baffle.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub baffle_damping_ratio: f64,
     /// Least damping rate 2ζω (1/s), which acts alone in free fall.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub minimum_damping_rate_1_s: f64,
@@ -92,8 +133,12 @@ pub struct Mode {
     pub stiffness_1_s2: f64,
     /// 2ζω, not below its floor (1/s).
     pub damping_rate_1_s: f64,
+    /// Damping rate of the baffle over the root of the amplitude's speed ω a (1/s per (m/s)^(1/2)).
+    pub baffle_rate: f64,
     /// Cubic stiffness over mass (1/(m² s²)).
     pub hardening_1_m2_s2: f64,
+    /// What the cube is of.
+    pub hardening_law: HardeningLaw,
     /// Displacement at which the stop begins (m).
     pub stop_radius_m: f64,
     /// ω² of the stop (1/s²).
@@ -114,10 +159,23 @@ pub struct SloshState {
 }
 
 impl Slosh {
-    /// The mode of so much liquid under an axial specific force (m/s²), every applied force but gravity
-    /// over mass, positive when it presses the liquid on the floor; `None` when the liquid is frozen.
-    pub fn mode(
+    /// The modes of so much liquid under an axial specific force (m/s²), every applied force but gravity
+    /// over mass, positive when it presses the liquid on the floor; `None` where a mode does not run.
+    pub fn modes(
         &self,
+        tank: &TankGeometry,
+        nitrous_kg: f64,
+        nitrous_density_kg_m3: f64,
+        axial_specific_force_m_s2: f64,
+    ) -> [Option<Mode>; MODES] {
+        let mode = |xi| self.mode(xi, tank, nitrous_kg, nitrous_density_kg_m3, axial_specific_force_m_s2);
+        let second = self.second_mode && self.model == SloshModel::TwoWay;
+        [mode(XI[0]), if second { mode(XI[1]) } else { None }]
+    }
+
+    fn mode(
+        &self,
+        xi: f64,
         tank: &TankGeometry,
         nitrous_kg: f64,
         nitrous_density_kg_m3: f64,
@@ -126,16 +184,16 @@ impl Slosh {
         let radius = tank.radius_m;
         let height = (nitrous_kg * tank.height_per_kg(nitrous_density_kg_m3)).clamp(0.0, tank.length_m);
         // tanh(x) from tanh(x/2), the one transcendental call.
-        let x = XI * height / radius;
+        let x = xi * height / radius;
         let half = libm::tanh(0.5 * x);
         let full = 2.0 * half / (1.0 + half * half);
-        let station_z_body_m = -(tank.floor_z_m + height - 2.0 * radius / XI * half);
+        let station_z_body_m = -(tank.floor_z_m + height - 2.0 * radius / xi * half);
 
         let (coupling, mass_kg, g_eff) = match self.model {
             SloshModel::Frozen => return None,
             SloshModel::TwoWay => {
                 let slope = if x > 1e-9 { full / x } else { 1.0 }; // tanh(x)/x
-                let mass_kg = nitrous_kg.max(0.0) * 2.0 * slope / (XI * XI - 1.0);
+                let mass_kg = nitrous_kg.max(0.0) * 2.0 * slope / (xi * xi - 1.0);
                 (Coupling::TwoWay, mass_kg, axial_specific_force_m_s2.max(0.0))
             }
             SloshModel::OneWayPaper => {
@@ -143,7 +201,7 @@ impl Slosh {
                 (Coupling::OneWay, mass_kg, STANDARD_GRAVITY_M_S2)
             }
         };
-        let stiffness_1_s2 = g_eff * XI / radius * full;
+        let stiffness_1_s2 = g_eff * xi / radius * full;
         let floor_1_s = match coupling {
             Coupling::TwoWay => self.minimum_damping_rate_1_s,
             Coupling::OneWay => 0.0,
@@ -153,7 +211,13 @@ impl Slosh {
             station_z_body_m,
             stiffness_1_s2,
             damping_rate_1_s: (2.0 * self.damping_ratio * stiffness_1_s2.sqrt()).max(floor_1_s),
+            baffle_rate: if self.baffle_damping_ratio > 0.0 {
+                2.0 * self.baffle_damping_ratio * (stiffness_1_s2.sqrt() / radius).sqrt()
+            } else {
+                0.0
+            },
             hardening_1_m2_s2: self.hardening * stiffness_1_s2 / (radius * radius),
+            hardening_law: self.hardening_law,
             stop_radius_m: self.stop_fraction * radius,
             stop_stiffness_1_s2: self.stop_natural_frequency_rad_s * self.stop_natural_frequency_rad_s,
             stop_damping_rate_1_s: 2.0 * self.stop_damping_ratio * self.stop_natural_frequency_rad_s,
@@ -167,10 +231,18 @@ impl Mode {
     /// opposite, times [`Mode::mass_kg`].
     pub fn restoring_m_s2(&self, state: &SloshState) -> Vector2<f64> {
         let (s, v) = (state.displacement_body_m, state.velocity_body_m_s);
-        let mut restoring = -(s * self.stiffness_1_s2
-            + s.component_mul(&s).component_mul(&s) * self.hardening_1_m2_s2
-            + v * self.damping_rate_1_s);
         let distance_squared = s.dot(&s);
+        let cube = match self.hardening_law {
+            HardeningLaw::PerAxis => s.component_mul(&s).component_mul(&s),
+            HardeningLaw::Radial => s * distance_squared,
+        };
+        let mut damping_rate_1_s = self.damping_rate_1_s;
+        if self.baffle_rate > 0.0 {
+            // 2 ω ζ_b (a/R)^(1/2) with (ω a)² = ω² s² + s'².
+            let amplitude_speed_m_s = (self.stiffness_1_s2 * distance_squared + v.dot(&v)).sqrt();
+            damping_rate_1_s += self.baffle_rate * amplitude_speed_m_s.sqrt();
+        }
+        let mut restoring = -(s * self.stiffness_1_s2 + cube * self.hardening_1_m2_s2 + v * damping_rate_1_s);
         if distance_squared > self.stop_radius_m * self.stop_radius_m {
             let distance = distance_squared.sqrt();
             let outward = s / distance;
@@ -184,10 +256,14 @@ impl Mode {
     /// Potential energy of spring and stop (J), for audits.
     pub fn potential_energy_j(&self, displacement_body_m: Vector2<f64>) -> f64 {
         let s2 = displacement_body_m.component_mul(&displacement_body_m);
+        let fourth = match self.hardening_law {
+            HardeningLaw::PerAxis => s2.dot(&s2),
+            HardeningLaw::Radial => (s2.x + s2.y) * (s2.x + s2.y),
+        };
         let beyond = (displacement_body_m.norm() - self.stop_radius_m).max(0.0);
         self.mass_kg
             * (0.5 * self.stiffness_1_s2 * (s2.x + s2.y)
-                + 0.25 * self.hardening_1_m2_s2 * s2.dot(&s2)
+                + 0.25 * self.hardening_1_m2_s2 * fourth
                 + 0.5 * self.stop_stiffness_1_s2 * beyond * beyond)
     }
 }

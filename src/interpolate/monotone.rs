@@ -10,9 +10,14 @@ pub struct Monotone<const N: usize> {
     knots: Vec<f64>,
     /// Per segment and column, the coefficients of 1, t, t², t³ with t counted in x from the left knot.
     segments: Vec<[[f64; 4]; N]>,
-    /// Segments per unit of x if the knots were uniform: a first guess of the segment.
+    /// The segment in which each of equally wide buckets begins: where the search for a segment starts.
+    first: Vec<u32>,
+    /// Buckets per unit of x.
     density: f64,
 }
+
+/// Buckets per segment: with knots that are not far from uniform a bucket holds one knot at most.
+const BUCKETS: usize = 4;
 
 /// Where an abscissa lies among the knots; found once, used for every column.
 #[derive(Clone, Copy, Debug)]
@@ -37,18 +42,23 @@ impl<const N: usize> Monotone<N> {
                 })
             })
             .collect();
-        Self { knots: knots.to_vec(), segments, density: last as f64 / (knots[last] - knots[0]) }
+        let buckets = BUCKETS * last;
+        let density = buckets as f64 / (knots[last] - knots[0]);
+        let mut first = vec![0; buckets];
+        for segment in 0..last {
+            // The bucket of this knot begins before it; every later one begins in this segment or behind.
+            let bucket = bucket(knots[segment] - knots[0], density, buckets);
+            first[bucket + 1..].fill(segment as u32);
+        }
+        Self { knots: knots.to_vec(), segments, first, density }
     }
 
-    /// Finds the segment of `x`, clamped to the knots. No search when the knots are uniform.
+    /// Finds the segment of `x`, clamped to the knots. Hardly a search unless knots crowd somewhere.
     #[inline]
     pub fn locate(&self, x: f64) -> Place {
         let last = self.segments.len() - 1;
         let x = x.clamp(self.knots[0], self.knots[last + 1]);
-        let mut segment = (((x - self.knots[0]) * self.density) as usize).min(last);
-        while segment > 0 && x < self.knots[segment] {
-            segment -= 1;
-        }
+        let mut segment = self.first[bucket(x - self.knots[0], self.density, self.first.len())] as usize;
         while segment < last && x >= self.knots[segment + 1] {
             segment += 1;
         }
@@ -107,6 +117,12 @@ impl<const N: usize> Monotone<N> {
         }
         self.knots[low] + t
     }
+}
+
+/// Bucket of a distance from the first knot.
+#[inline]
+fn bucket(distance: f64, density: f64, count: usize) -> usize {
+    ((distance * density) as usize).min(count - 1)
 }
 
 /// Slope at knot `i`.

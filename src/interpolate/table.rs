@@ -55,6 +55,18 @@ pub enum TableError {
     },
 }
 
+/// Line number of the heading of a text, and the names there; `None` without one.
+pub fn heading(text: &str) -> Option<(usize, Vec<&str>)> {
+    let (line, heading) = content(text).next()?;
+    Some((line, heading.split(',').map(str::trim).collect()))
+}
+
+/// Lines that are neither empty nor comments, with their numbers.
+fn content(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+}
+
 /// Rows of the columns asked for, each with the line it stood on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table<const N: usize> {
@@ -67,15 +79,9 @@ pub struct Table<const N: usize> {
 impl<const N: usize> Table<N> {
     /// Reads the named columns of a text with at least two rows.
     pub fn read(text: &str, columns: [&'static str; N]) -> Result<Self, TableError> {
-        let mut lines = text
-            .lines()
-            .enumerate()
-            .map(|(i, line)| (i + 1, line.trim()))
-            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-        let Some((heading_line, heading)) = lines.next() else {
+        let Some((heading_line, names)) = heading(text) else {
             return Err(TableError::TooShort { expected: 2, found: 0 });
         };
-        let names: Vec<&str> = heading.split(',').map(str::trim).collect();
         let mut positions = [0; N];
         for (position, column) in positions.iter_mut().zip(columns) {
             *position =
@@ -86,7 +92,7 @@ impl<const N: usize> Table<N> {
                 })?;
         }
         let mut rows = Vec::new();
-        for (line, text) in lines {
+        for (line, text) in content(text).skip(1) {
             let fields: Vec<&str> = text.split(',').map(str::trim).collect();
             if fields.len() != names.len() {
                 return Err(TableError::FieldCount { line, expected: names.len(), found: fields.len() });
@@ -128,7 +134,8 @@ impl<const N: usize> Table<N> {
         }
     }
 
-    fn bad_value(&self, (line, row): (usize, [f64; N]), column: usize, rule: &'static str) -> TableError {
+    /// A row whose value in a column breaks a rule, stated as a clause.
+    pub fn bad_value(&self, (line, row): (usize, [f64; N]), column: usize, rule: &'static str) -> TableError {
         TableError::BadValue { line, column: self.columns[column].into(), value: row[column], rule }
     }
 }

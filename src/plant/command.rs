@@ -92,7 +92,8 @@ impl Plant {
             return;
         }
         let demand = &self.held.demand;
-        let fresh = demand.solved.is_some_and(|at| now.since(at) < ENGINE_CONTROL);
+        let interval = self.paper.as_ref().map_or(ENGINE_CONTROL, |paper| paper.step);
+        let fresh = demand.solved.is_some_and(|at| now.since(at) < interval);
         if fresh && demand.throttle == throttle {
             return;
         }
@@ -106,16 +107,25 @@ impl Plant {
         let feed = &self.held.feed;
         let (valve_rad, thrust_n, saturated) = match throttle {
             Throttle::ThrustN(thrust_n) => {
-                let inverse = engine.inverse(feed, thrust_n.max(least_n), &condition, self.held.guess);
+                let inverse = match &self.paper {
+                    None => engine.inverse(feed, thrust_n.max(least_n), &condition, self.held.guess),
+                    Some(paper) => paper.engine.inverse(engine, feed, thrust_n.max(least_n), &condition),
+                };
                 (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
             }
             Throttle::ValveRad(valve_rad) => {
                 let valve_rad = valve_rad.min(self.vehicle.valve_servo.upper_rad);
                 let area_m2 = engine.valve_area().area_m2(valve_rad);
-                let point = engine.operating_point(feed, area_m2, &condition, self.held.guess);
+                let point = match &self.paper {
+                    None => engine.operating_point(feed, area_m2, &condition, self.held.guess),
+                    Some(paper) => paper.engine.operating_point(engine, feed, area_m2, &condition),
+                };
                 // Thrust rises with the angle, so the minimum is solved for only where it is undercut.
                 if point.thrust_n < least_n {
-                    let held = engine.inverse(feed, least_n, &condition, self.held.guess);
+                    let held = match &self.paper {
+                        None => engine.inverse(feed, least_n, &condition, self.held.guess),
+                        Some(paper) => paper.engine.inverse(engine, feed, least_n, &condition),
+                    };
                     (held.valve_rad, least_n, held.saturated)
                 } else {
                     (valve_rad, point.thrust_n, false)

@@ -11,7 +11,7 @@ use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
 use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, Outlet, Pair, PairLevels, Stores, Withdrawal,
+    ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Outlet, Pair, PairLevels, Stores, Withdrawal,
 };
 use crate::vehicle::GasSupply;
 
@@ -29,12 +29,12 @@ impl Plant {
         let tail_s = parameters.depletion.tail_time_constant_s;
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
-        let drain_s = if self.held.nitrous_depleted { tail_s } else { DRAIN_S };
+        let drain_s = if self.held.nitrous_depleted { tail_s } else { self.drain_s() };
         let two_phase = self.vehicle.uncovering.is_some();
         let (outlet, inert_share) = self.outlet(state);
         let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
         EngineCondition {
-            port_radius_m: state.port_radius_m,
+            port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
             throat_radius_m: state.throat_radius_m,
             // A share of 0/0, no flow yet, limits nothing. Nitrogen among the oxidiser does not burn.
             burning_fraction: (1.0 - inert_share)
@@ -86,30 +86,29 @@ impl Plant {
         // Actuators.
         let (valve, valve_rate) = self.valve(state);
         let (gimbal, gimbal_rate) = self.gimbal(state);
-        let rcs_rate = if self.options.ideal {
-            Vec3::zeros()
-        } else {
-            let rate = vehicle.reaction_control.rate(&levels(state), &held.rcs_open);
-            Vec3::new(rate.a, rate.b, 0.0)
-        };
+        let rcs_rate = self.rcs_rate(state);
 
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let engine = vehicle.engine.operating_point(
-            &held.feed,
-            open_area_m2,
-            &self.condition(state),
-            held.guess_at(share),
-        );
+        let engine = self.engine_at(open_area_m2, state, share);
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
         let stores = stores(state);
         let supply = vehicle.gas_supply(&stores, ambient_pa);
         let pressurant = *supply.nitrogen();
-        let thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let vent_kg_s = vehicle.vent_kg_s(&supply, held.vent, ambient_pa);
+        let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&supply, held.vent, ambient_pa);
+        let [left, vented] = supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
+        if left < 1.0 {
+            thrusters.force_body_n *= left;
+            thrusters.moment_body_n_m *= left;
+            thrusters.nitrogen_kg_s *= left;
+        }
+        if vented < 1.0 {
+            vent_kg_s *= vented;
+        }
         let liquid_kg_s = engine.oxidizer_kg_s - engine.outlet_gas_kg_s;
         let gas = vehicle.gas_rate(
             &stores,
@@ -123,26 +122,42 @@ impl Plant {
         let nitrous_kg_s = -(liquid_kg_s + gas.evaporation_kg_s);
 
         // Mass.
+        let port_radius_m_s = match self.frozen.port_radius_m {
+            None => engine.regression_rate_m_s,
+            // The real port goes on giving the fuel that burns.
+            Some(_) => {
+                let grain = &vehicle.engine_parameters.grain;
+                engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
+            }
+        };
+        let (nitrogen_run_tank_kg, nitrogen_bottle_kg, run_tank_kg_s) =
+            self.frozen.nitrogen(&pressurant, gas.run_tank_kg_s);
         let contents = Contents {
             nitrous_kg: state.nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
             port_radius_m: state.port_radius_m,
-            nitrogen_run_tank_kg: pressurant.tank_kg + pressurant.vapor_kg,
-            nitrogen_bottle_kg: pressurant.bottle_kg,
+            nitrogen_run_tank_kg,
+            nitrogen_bottle_kg,
         };
-        let mass = vehicle.mass.evaluate(
+        let mut mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
                 nitrous_kg_s,
-                port_radius_m_s: engine.regression_rate_m_s,
-                nitrogen_run_tank_kg_s: gas.run_tank_kg_s,
-                nitrogen_bottle_kg_s: gas.bottle_kg_s,
+                port_radius_m_s,
+                nitrogen_run_tank_kg_s: run_tank_kg_s,
+                nitrogen_bottle_kg_s: gas.total_kg_s - run_tank_kg_s,
             },
         );
         // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
         // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
         let burnt_kg_s = engine.oxidizer_kg_s + engine.fuel_kg_s;
-        let flow = self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s);
+        self.frozen.hold(&mut mass);
+        // The paper's rigid body has neither jet damping nor a moving centre of mass.
+        let flow = if self.paper.is_some() {
+            FlowTerms::none()
+        } else {
+            self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s)
+        };
 
         // Loads.
         let motion = motion(state);
@@ -176,20 +191,22 @@ impl Plant {
         } else {
             -load.force_body_n.z / mass.vehicle.mass_kg
         };
-        let mode = vehicle.slosh.mode(
+        let modes = vehicle.slosh.modes(
             vehicle.mass.tank(),
             state.nitrous_kg,
             vehicle.nitrous_density_kg_m3,
             axial_m_s2,
         );
-        let slosh_state =
-            SloshState { displacement_body_m: state.slosh_m.xy(), velocity_body_m_s: state.slosh_m_s.xy() };
+        let slosh_states =
+            [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
+                .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() });
+        let sloshing = |n: usize| modes[n].as_ref().map(|mode| (mode, &slosh_states[n]));
         let balance = Balance {
             vehicle: &mass.vehicle,
             flow: &flow,
             rate_body_rad_s: state.rate_body_rad_s,
             load,
-            slosh: mode.as_ref().map(|mode| (mode, &slosh_state)),
+            slosh: [sloshing(0), sloshing(1)],
             swing: vehicle.gimbal.engine_inertia.then_some(Swing { part: &mass.swinging, gimbal }),
         };
         let acceleration = if self.options.clamped {
@@ -211,12 +228,14 @@ impl Plant {
             q_ned_from_body: quaternion_rate(&state.q_ned_from_body, state.rate_body_rad_s),
             rate_body_rad_s: acceleration.angular_body_rad_s2,
             slosh_m: state.slosh_m_s,
-            slosh_m_s: lateral(acceleration.slosh_body_m_s2),
+            slosh_m_s: lateral(acceleration.slosh_body_m_s2[0]),
+            second_slosh_m: state.second_slosh_m_s,
+            second_slosh_m_s: lateral(acceleration.slosh_body_m_s2[1]),
             nitrous_kg: nitrous_kg_s,
             nitrogen_kg: gas.nitrogen_kg_s,
             gas: gas.gas,
-            port_radius_m: engine.regression_rate_m_s,
-            throat_radius_m: engine.throat_erosion_m_s,
+            port_radius_m: port_radius_m_s,
+            throat_radius_m: if self.frozen.throat { 0.0 } else { engine.throat_erosion_m_s },
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
             chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
             burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
@@ -280,8 +299,36 @@ impl Plant {
         FlowTerms::new(rate, &outflows[..count])
     }
 
+    /// What the engine does with this much valve area open, `share` of a step on.
+    fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> OperatingPoint {
+        let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
+        match &self.paper {
+            None => {
+                let guess = self.held.guess_at(share);
+                engine.operating_point(feed, valve_area_m2, &self.condition(state), guess)
+            }
+            Some(paper) => paper.point.unwrap_or_else(|| {
+                paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state))
+            }),
+        }
+    }
+
+    /// Time in which a nearly empty store gives what it has (s): a few steps.
+    fn drain_s(&self) -> f64 {
+        self.paper.as_ref().map_or(DRAIN_S, |paper| paper.step.s().max(DRAIN_S))
+    }
+
+    /// Rate of the thruster pairs' levels.
+    pub(super) fn rcs_rate(&self, state: &State) -> Vec3 {
+        if self.options.ideal {
+            return Vec3::zeros();
+        }
+        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.held.rcs_open);
+        Vec3::new(rate.a, rate.b, 0.0)
+    }
+
     /// The oxidiser valve behind its play, and the rate of its servo.
-    fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
+    pub(super) fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
         if self.options.ideal {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());
@@ -294,7 +341,7 @@ impl Plant {
     }
 
     /// Gimbal behind its play, and the rates of angles and rates of its servos.
-    fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
+    pub(super) fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
         if self.options.ideal_gimbal {
             let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };
             return (motion, [Vector2::zeros(); 2]);

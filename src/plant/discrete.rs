@@ -1,6 +1,6 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, State, motion};
+use super::{Evaluation, Plant, Settled, State, motion};
 use crate::actuator::ServoState;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::propulsion::FlameConditions;
@@ -26,6 +26,7 @@ impl Plant {
     /// Discrete events after a step.
     pub(super) fn settle(&mut self) {
         let now = self.evaluate(&self.state, 0.0);
+        self.settled = Some(Settled { state: self.state, inputs: self.inputs(&self.state), rate: now.rate });
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.held.singular {

@@ -8,6 +8,8 @@
 mod command;
 mod continuous;
 mod discrete;
+mod freeze;
+mod paper;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -27,14 +29,18 @@ use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::integrator::rk4_step;
-use crate::propulsion::{FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels};
-use crate::scenario::Scenario;
+use crate::integrator::{Integrable, rk4_step_from};
+use crate::propulsion::{
+    EngineCondition, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+};
+use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
+use freeze::Frozen;
+use paper::Paper;
 use sequence::Sequence;
 
 /// The plant's step, unless a test asks for another.
@@ -55,6 +61,36 @@ pub struct Plant {
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
+    frozen: Frozen,
+    /// `None`: full fidelity.
+    paper: Option<Paper>,
+    settled: Option<Settled>,
+}
+
+/// The evaluation at the end of a step, which is the first stage of the next one unless something discrete
+/// has changed since.
+#[derive(Clone, Copy, Debug)]
+struct Settled {
+    state: State,
+    inputs: Inputs,
+    rate: Rate,
+}
+
+/// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
+/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Inputs {
+    condition: EngineCondition,
+    feed_built_for: (f64, f64),
+    valve_command_rad: f64,
+    gimbal_command_rad: Vector2<f64>,
+    isolation: f64,
+    vent: f64,
+    rcs_open: PairLevels,
+    lit: bool,
+    ignition: Option<SimTime>,
+    grip: Grip,
+    anchors: Anchors,
 }
 
 /// What a scenario idealises.
@@ -70,6 +106,7 @@ struct Options {
     ideal: bool,
     /// The gimbal follows at once.
     ideal_gimbal: bool,
+    integrator: IntegratorKind,
 }
 
 /// Where mass leaves, body FRD (m).
@@ -189,11 +226,55 @@ impl Plant {
 
     /// One step under a command: the block diagram.
     pub fn step(&mut self, command: &ActuatorCommand) {
-        self.obey(command);
-        self.state = rk4_step(&self.state, self.step.s(), |state, share| self.evaluate(state, share).rate);
-        self.state.q_ned_from_body.normalize_mut();
+        if self.paper.is_some() {
+            self.step_paper(command);
+        } else {
+            self.obey(command);
+            let dt_s = self.step.s();
+            let first = self.first_rate();
+            self.state = match self.options.integrator {
+                IntegratorKind::Rk4 => {
+                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate)
+                }
+                IntegratorKind::Euler => self.state.advanced(&first, dt_s),
+            };
+            self.state.q_ned_from_body.normalize_mut();
+        }
         self.time = self.time + self.step;
         self.settle();
+    }
+
+    /// Rate at the beginning of a step.
+    fn first_rate(&self) -> Rate {
+        let settled = self.settled.as_ref();
+        match settled.filter(|at| at.state == self.state && at.inputs == self.inputs(&self.state)) {
+            Some(settled) => {
+                debug_assert!(
+                    near(&settled.rate, &self.evaluate(&self.state, 0.0).rate),
+                    "Inputs lacks something that evaluate reads"
+                );
+                settled.rate
+            }
+            None => self.evaluate(&self.state, 0.0).rate,
+        }
+    }
+
+    /// What [`Plant::evaluate`] reads beside the state.
+    fn inputs(&self, state: &State) -> Inputs {
+        let held = &self.held;
+        Inputs {
+            condition: self.condition(state),
+            feed_built_for: held.feed.built_for(),
+            valve_command_rad: held.valve_command_rad,
+            gimbal_command_rad: held.gimbal_command_rad,
+            isolation: held.isolation,
+            vent: held.vent,
+            rcs_open: held.rcs_open,
+            lit: held.flame.lit,
+            ignition: held.ignition,
+            grip: held.grip,
+            anchors: held.anchors,
+        }
     }
 
     pub(super) fn note(&mut self, name: &'static str, detail: String) {
@@ -263,6 +344,13 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
+}
+
+/// Equal within what the solver's tolerance and rounding may differ.
+fn near(a: &Rate, b: &Rate) -> bool {
+    let [a, b] = [a, b].map(|rate| State::EMPTY.advanced(rate, 1.0));
+    // Written so that what is not a number is near everything.
+    !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 1e-6 * (1.0 + b.abs()))
 }
 
 fn motion(state: &State) -> Motion {

@@ -2,6 +2,8 @@
 
 use nalgebra::{Quaternion, Vector2};
 
+use super::freeze::Frozen;
+use super::paper::Paper;
 use super::sequence::Sequence;
 use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
 use crate::actuator::DelayLine;
@@ -11,9 +13,9 @@ use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
     ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, Guess, Modulator, PairLevels,
-    Stores,
+    PaperEngine, Stores,
 };
-use crate::scenario::{EngineStart, GimbalActuator, Place, Scenario};
+use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
@@ -33,6 +35,7 @@ impl Plant {
             open_loop: scenario.schedule.is_some(),
             ideal: actuators.ideal,
             ideal_gimbal: actuators.ideal && actuators.gimbal != Some(GimbalActuator::Servo),
+            integrator: scenario.file.physics.integrator,
         };
         if options.clamped && (start.velocity_ned_m_s != [0.0; 3] || start.rate_body_rad_s != [0.0; 3]) {
             return Err(Invalid::new("initial.clamped", "a clamped vehicle has neither velocity nor rate"));
@@ -89,6 +92,11 @@ impl Plant {
             throat_radius_m,
             ..State::EMPTY
         };
+        let paper = (scenario.file.fidelity == Fidelity::Paper).then(|| {
+            let mode = &vehicle.paper_mode;
+            let engine = PaperEngine::new(&vehicle.engine, &vehicle.engine_parameters, mode);
+            Paper::new(engine, SimTime::from_s(mode.step_s))
+        });
         let mut plant = Self {
             environment,
             options,
@@ -140,12 +148,19 @@ impl Plant {
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
+            settled: None,
+            frozen: Frozen::default(),
+            paper,
             vehicle,
         };
+        let couplings = &scenario.file.physics.freeze;
+        plant.frozen = Frozen::new(couplings, &plant.evaluate(&plant.state, 0.0), port_radius_m);
         let weight_n =
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
+        plant.judge_chamber()?;
         if options.ground {
+            plant.judge_legs()?;
             plant.stand()?;
         }
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
@@ -153,6 +168,52 @@ impl Plant {
         }
         plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
         Ok(plant)
+    }
+
+    /// A chamber that empties so fast that the fixed step would make its gas negative.
+    fn judge_chamber(&self) -> Result<(), Invalid> {
+        if self.vehicle.engine_parameters.chamber.model != ChamberModel::Filling {
+            return Ok(());
+        }
+        let condition = self.condition(&self.state);
+        // Choked, whatever burns; the time constant of a choked chamber does not depend on its pressure.
+        let gas_kg = 30.0 * self.vehicle.engine.gas_at_rest(&condition).oxidizer_kg;
+        let emptying_s = |burning_fraction: f64, of_ratio: f64| {
+            let fuel_kg = burning_fraction * gas_kg / (1.0 + of_ratio);
+            let gas = ChamberGas { oxidizer_kg: gas_kg - fuel_kg, fuel_kg };
+            let condition = EngineCondition { chamber_gas: Some(gas), burning_fraction, ..condition };
+            let point =
+                self.vehicle.engine.operating_point(&self.held.feed, 0.0, &condition, Guess::default());
+            gas_kg / point.nozzle_kg_s
+        };
+        let mixtures = (1..=15).map(|of_ratio| emptying_s(1.0, f64::from(of_ratio)));
+        let shortest_s = mixtures.fold(emptying_s(0.0, 0.0), f64::min);
+        // RK4 halves at two time constants and is stable up to 2.8.
+        if shortest_s >= 0.5 * self.step.s() {
+            return Ok(());
+        }
+        let message = format!(
+            "\"filling\": the chamber empties within {:.1e} s, the step resolves {:.1e} s; \"quasi_steady\" is as good",
+            shortest_s,
+            0.5 * self.step.s()
+        );
+        Err(Invalid::new("engine.chamber.model", message))
+    }
+
+    /// Legs so stiff for the body on them that the fixed step would make it explode.
+    fn judge_legs(&self) -> Result<(), Invalid> {
+        let fastest_1_s =
+            self.vehicle.landing_gear.fastest_rate_1_s(&self.pads_body_m, self.vehicle.mass.dry());
+        // RK4 is stable within 2.5 of the origin, anywhere in the left half of the plane.
+        let allowed_1_s = 2.5 / self.step.s();
+        if fastest_1_s <= allowed_1_s {
+            return Ok(());
+        }
+        let message = format!(
+            "the dry vehicle on these legs moves at up to {fastest_1_s:.0} 1/s, the step resolves {allowed_1_s:.0}: \
+             softer springs or dampers, pads nearer to the centre of mass, or more inertia"
+        );
+        Err(Invalid::new("landing_gear", message))
     }
 
     /// Puts the vehicle on its legs, at rest and upright.

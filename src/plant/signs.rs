@@ -107,6 +107,8 @@ fn accelerations(hover: &Scenario, command: &ActuatorCommand) -> Result<[Vec3; 2
     state.velocity_ned_m_s = rest.velocity_ned_m_s;
     state.slosh_m = rest.slosh_m;
     state.slosh_m_s = rest.slosh_m_s;
+    state.second_slosh_m = rest.second_slosh_m;
+    state.second_slosh_m_s = rest.second_slosh_m_s;
     state.gimbal_rad_s = Vec3::zeros();
     let rate = plant.evaluate(&state, 0.0).rate;
     Ok([rate.rate_body_rad_s, rate.velocity_ned_m_s])

@@ -51,6 +51,10 @@ state! {
     slosh_m: Vec3,
     /// Its velocity in the body (m/s).
     slosh_m_s: Vec3,
+    /// The same of the second mode; zero while it is off (m).
+    second_slosh_m: Vec3,
+    /// Its velocity in the body (m/s).
+    second_slosh_m_s: Vec3,
     /// Nitrous oxide in the run tank (kg).
     nitrous_kg: f64,
     /// Nitrogen in bottle and run tank together (kg).
@@ -100,6 +104,8 @@ impl State {
             rate_body_rad_s: ZERO,
             slosh_m: ZERO,
             slosh_m_s: ZERO,
+            second_slosh_m: ZERO,
+            second_slosh_m_s: ZERO,
             nitrous_kg: 0.0,
             nitrogen_kg: 0.0,
             gas: GasState {
@@ -141,6 +147,8 @@ impl State {
             self.rate_body_rad_s,
             self.slosh_m,
             self.slosh_m_s,
+            self.second_slosh_m,
+            self.second_slosh_m_s,
             self.gimbal_rad,
             self.gimbal_rad_s,
             self.rcs_level,

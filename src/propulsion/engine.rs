@@ -18,6 +18,9 @@ use super::{EngineParameters, FeedParameters, PaperMode};
 use crate::input::Invalid;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root, table::TableError};
 
+/// What is reported of a mixture with hardly any fuel; far beyond every map.
+const GREATEST_OF_RATIO: f64 = 1e6;
+
 /// Why an engine cannot be made of its parameters.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineError {
@@ -49,7 +52,7 @@ pub struct Engine {
 }
 
 /// What the engine's answer depends on beside tank and valve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EngineCondition {
     /// Radius of the ports (m).
     pub port_radius_m: f64,
@@ -161,7 +164,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
-        let valve_area = ValveArea::read(texts.valve_area).map_err(EngineError::ValveArea)?;
+        let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
             grain: engine.grain.clone(),
@@ -219,6 +222,16 @@ impl Engine {
         &self.valve_area
     }
 
+    /// Least and greatest oxidiser flow that a thrust demand may ask for (kg/s).
+    pub fn demand_kg_s(&self) -> (f64, f64) {
+        self.demand_kg_s
+    }
+
+    /// Mixture ratios between which the propulsion map has data; beyond, its ends hold.
+    pub fn mapped_of_ratios(&self) -> (f64, f64) {
+        self.map.of_span()
+    }
+
     /// The fuel grain.
     pub fn grain(&self) -> &Grain {
         &self.grain
@@ -227,6 +240,30 @@ impl Engine {
     /// The nozzle.
     pub fn nozzle(&self) -> &Nozzle {
         &self.nozzle
+    }
+
+    /// Combustion products.
+    pub(super) fn map(&self) -> &CombustionMap {
+        &self.map
+    }
+
+    /// Growth of the throat (m/s) at a chamber pressure.
+    pub(super) fn erosion_m_s(&self, condition: &EngineCondition, chamber_pa: f64) -> f64 {
+        self.setting(condition).erosion_m_s(chamber_pa)
+    }
+
+    /// The engine without flow, quasi-steady.
+    pub(super) fn at_rest(&self, ambient_pa: f64) -> OperatingPoint {
+        let condition = EngineCondition {
+            port_radius_m: self.grain.port_radius_m,
+            throat_radius_m: self.nozzle.throat_radius_m(),
+            burning_fraction: 0.0,
+            ambient_pa,
+            chamber_gas: None,
+            oxidizer_flow_limit_kg_s: 0.0,
+            outlet: None,
+        };
+        self.setting(&condition).closed(None)
     }
 
     /// Gas of a chamber at rest: unburnt, at ambient pressure.
@@ -482,7 +519,12 @@ impl<'a> Setting<'a> {
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
         // Of the oxidiser only the burning share takes part; without fuel the map's lean end stands in.
         let lean = engine.map.of_span().1;
-        let of_ratio = if fuel_kg > 0.0 { burning_fraction * oxidizer_kg / fuel_kg } else { lean };
+        // A last trace of fuel would make the ratio infinite.
+        let of_ratio = if fuel_kg > 0.0 {
+            (burning_fraction * oxidizer_kg / fuel_kg).min(GREATEST_OF_RATIO)
+        } else {
+            lean
+        };
         let mixture = engine.map.mixture(of_ratio.min(lean));
         let vessel = Vessel {
             volume_m3: engine.chamber.dead_volume_m3
@@ -567,5 +609,5 @@ impl<'a> Setting<'a> {
 
 /// Quotient that is 0 where it has no meaning.
 fn ratio(oxidizer: f64, fuel: f64) -> f64 {
-    if fuel > 0.0 { oxidizer / fuel } else { 0.0 }
+    if fuel > 0.0 { (oxidizer / fuel).min(GREATEST_OF_RATIO) } else { 0.0 }
 }

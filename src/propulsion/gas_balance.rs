@@ -175,8 +175,8 @@ pub struct StoresRate {
     pub nitrogen_kg_s: f64,
     /// Gas above the liquid (kg/s).
     pub run_tank_kg_s: f64,
-    /// Nitrogen in the bottle (kg/s).
-    pub bottle_kg_s: f64,
+    /// All gas, nitrogen and vapour, in tank and bottle (kg/s).
+    pub total_kg_s: f64,
     /// Liquid that becomes vapour; negative condenses (kg/s).
     pub evaporation_kg_s: f64,
     /// Rate of the rest.
@@ -380,7 +380,7 @@ impl GasBalance {
         StoresRate {
             nitrogen_kg_s: -nitrogen_out_kg_s - out.thrusters_kg_s,
             run_tank_kg_s: regulator_kg_s + evaporation_kg_s - out.gas_kg_s,
-            bottle_kg_s: -from_bottle_kg_s,
+            total_kg_s: evaporation_kg_s - out.gas_kg_s - out.thrusters_kg_s,
             evaporation_kg_s,
             gas: GasState {
                 bottle_kg: -from_bottle_kg_s,

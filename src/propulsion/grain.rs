@@ -99,6 +99,27 @@ impl Grain {
         self.fuel_per_regression_kg_m(port_radius_m) * regression
     }
 
+    /// Port radius (m) after a time of constant oxidiser flow, Eq 4, not beyond burn-through:
+    /// R(t)^(2n+1) = R₀^(2n+1) + a (2n+1) (ṁ_o/(π N))^n t.
+    pub fn port_radius_after_m(&self, port_radius_m: f64, oxidizer_kg_s: f64, time_s: f64) -> f64 {
+        let n = self.regression_exponent;
+        let p = 2.0 * n + 1.0;
+        let flow = oxidizer_kg_s.max(0.0) / (PI * f64::from(self.port_count));
+        let grown = self.regression_coefficient_si * p * libm::pow(flow, n) * time_s;
+        // As a ratio to the start, so that a short step keeps its digits.
+        let ratio = libm::log1p(grown / libm::pow(port_radius_m, p)) / p;
+        (port_radius_m * libm::exp(ratio)).min(self.burn_through_radius_m().max(port_radius_m))
+    }
+
+    /// Fuel burnt (kg) in a time of constant oxidiser flow, Eq 7 with its true meaning: the print calls it what is left.
+    pub fn fuel_burnt_kg(&self, port_radius_m: f64, oxidizer_kg_s: f64, time_s: f64) -> f64 {
+        let grown_m = self.port_radius_after_m(port_radius_m, oxidizer_kg_s, time_s);
+        let ports = f64::from(self.port_count);
+        // The difference of squares as a product: a short step keeps its digits.
+        let area_m2 = PI * ports * (grown_m - port_radius_m) * (grown_m + port_radius_m);
+        self.fuel_density_kg_m3 * self.length_m * area_m2
+    }
+
     /// Rate of regression (m/s) under an oxidiser flow, Eq 3.
     pub fn regression_rate_m_s(&self, oxidizer_kg_s: f64, port_radius_m: f64) -> f64 {
         let area_m2 = PI * f64::from(self.port_count) * port_radius_m * port_radius_m;
@@ -140,8 +161,35 @@ pub(super) mod tests {
         let p = 2.0 * n + 1.0;
         let grown = grain.regression_coefficient_si * p * libm::pow(flow / PI, n) * 20.0;
         let closed = libm::pow(libm::pow(0.025, p) + grown, 1.0 / p);
+        assert!((grain.port_radius_after_m(0.025, flow, 20.0) / closed - 1.0).abs() < 1e-15);
         // RK4 at 10 ms on a rate that changes by percents a second: below 1e-13; round-off of 2000 steps.
         assert!((r - closed).abs() < 1e-13, "{r} {closed}");
+    }
+
+    #[test]
+    fn fuel_burnt_in_closed_form_is_the_fuel_that_is_gone() {
+        for ports in [1, 3] {
+            let grain = reference(ports);
+            let (start_m, flow) = (0.0251, 0.35);
+            for time_s in [0.02, 1.0, 10.0] {
+                let end_m = grain.port_radius_after_m(start_m, flow, time_s);
+                let gone_kg = grain.fuel_kg(start_m) - grain.fuel_kg(end_m);
+                let burnt_kg = grain.fuel_burnt_kg(start_m, flow, time_s);
+                // Round-off of the 3 kg of which `gone_kg` is a difference.
+                assert!((burnt_kg - gone_kg).abs() < 2e-15, "{ports} {time_s}: {burnt_kg} {gone_kg}");
+            }
+            // In a short time, the flow of (5R): the rest is of second order, 1e-6 s times 3 % a second.
+            let rate = grain.fuel_burnt_kg(start_m, flow, 1e-6) / 1e-6;
+            let factor = grain.fuel_flow_factor(start_m) * libm::pow(flow, grain.regression_exponent);
+            assert!((rate / factor - 1.0).abs() < 1e-7, "{ports}: {rate} {factor}");
+        }
+    }
+
+    #[test]
+    fn a_port_does_not_grow_beyond_the_grain_or_without_flow() {
+        let grain = reference(1);
+        assert_eq!(grain.port_radius_after_m(0.03, 0.0, 10.0), 0.03);
+        assert_eq!(grain.port_radius_after_m(0.03, 0.5, 1e6), grain.outer_radius_m);
     }
 
     #[test]

@@ -21,6 +21,7 @@ mod injector;
 mod inverse;
 mod nozzle;
 mod outlet;
+mod paper;
 mod pressurant;
 mod reaction_control;
 mod valve;
@@ -42,11 +43,12 @@ pub use injector::Injector;
 pub use inverse::Inverse;
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
 pub use outlet::{Outlet, Uncovering};
+pub use paper::{Candidate, PaperEngine};
 pub use pressurant::{
     Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, PressurantGas, Regulator,
 };
 pub use reaction_control::{Drive, Modulator, Pair, PairLevels, ReactionControl, Thruster, ThrusterLoads};
-pub use valve::{Valve, ValveArea};
+pub use valve::{Valve, ValveArea, ValveMapCheck, WorstRow};
 
 /// The engine proper: the `[engine]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -100,4 +102,28 @@ pub struct PaperMode {
     /// Points of the flow sweep.
     #[schemars(range(min = 2, max = 1000000))]
     pub sweep_points: u32,
+    /// Degree of the polynomials Isp(O/F) and c*(O/F), fitted to the vehicle's own map at its reference pressure.
+    #[serde(default = "polynomial_degree")]
+    #[schemars(range(min = 1, max = 12))]
+    pub polynomial_degree: u32,
+    /// O/F between which they are fitted; held at the ends beyond.
+    #[serde(default = "polynomial_of_range")]
+    #[schemars(inner(range(min = 0.1, max = 40.0)))]
+    pub polynomial_of_range: [f64; 2],
+    /// Factor on the ideal sea-level Isp of Eq 10: 1 as in the print; `c_star_efficiency` times `thrust_efficiency` makes thrust and chamber pressure agree.
+    #[serde(default = "one")]
+    #[schemars(range(min = 0.5, max = 1.0))]
+    pub specific_impulse_efficiency: f64,
+}
+
+fn polynomial_degree() -> u32 {
+    8
+}
+
+fn polynomial_of_range() -> [f64; 2] {
+    [1.0, 12.0]
+}
+
+fn one() -> f64 {
+    1.0
 }

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::autopilot::Mission;
+use crate::dynamics::slosh::SloshModel;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
 use crate::input::{Document, InputError, Invalid};
@@ -67,6 +68,12 @@ pub struct ScenarioFile {
     /// Choices of model that replace those of the vehicle file.
     #[serde(default)]
     pub model: Model,
+    /// Full physics, or the seed paper's scheme.
+    #[serde(default)]
+    pub fidelity: Fidelity,
+    /// What is held still, and how the plant integrates.
+    #[serde(default)]
+    pub physics: Physics,
     /// Sensors as a whole.
     #[serde(default)]
     pub sensors: Sensors,
@@ -234,6 +241,68 @@ pub struct Model {
     pub gimbal_inertia: Option<bool>,
 }
 
+/// Which physics the plant runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Fidelity {
+    /// Everything the vehicle file says.
+    #[default]
+    Full,
+    /// The seed paper's scheme: explicit Euler at `paper_mode.step_s`, flow sweep, Isp and c* of O/F alone, one-way slosh, rigid body without jet damping, moving centre of mass or engine inertia. It overrides the model choices of vehicle and scenario, but not the actuators.
+    Paper,
+}
+
+/// `[physics]`: for studies.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Physics {
+    /// Couplings held at their values at step 0; mass goes on falling whatever is held.
+    pub freeze: Vec<Coupling>,
+    /// Step of the plant (s), in whole microseconds; another than 0.001 only in `fly` with a command schedule and sensors.enabled = false.
+    #[schemars(range(min = 1e-5, max = 0.05))]
+    pub step_s: f64,
+    /// How a step is made.
+    pub integrator: IntegratorKind,
+}
+
+impl Default for Physics {
+    fn default() -> Self {
+        Self { freeze: Vec::new(), step_s: PLANT_STEP_S, integrator: IntegratorKind::default() }
+    }
+}
+
+/// The plant's own step (s).
+const PLANT_STEP_S: f64 = 0.001;
+
+/// A coupling that can be held still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Coupling {
+    /// The centre of mass stays where it is in the body; mass and inertia about it go on changing.
+    Com,
+    /// The inertia about the centre of mass stays, although mass falls and the centre moves.
+    Inertia,
+    /// Internal ballistics (fuel flow, chamber volume) see the initial port radius; fuel mass, and with it the grain's share of centre and inertia, goes on falling.
+    Port,
+    /// No nitrogen moves from bottle to run tank: the gas above the liquid keeps its mass, thrusters draw from the bottle. Pressures are those of the real distribution.
+    Nitrogen,
+    /// The liquid is a solid column.
+    Slosh,
+    /// The throat does not wear.
+    Throat,
+}
+
+/// How a step is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum IntegratorKind {
+    /// Runge and Kutta's of fourth order.
+    #[default]
+    Rk4,
+    /// Explicit Euler, to see what it costs.
+    Euler,
+}
+
 /// `[sensors]` of a scenario.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -348,6 +417,19 @@ impl ScenarioFile {
         if file.actuators.gimbal.is_some() && !file.actuators.ideal {
             faults.push(Invalid::new("actuators.gimbal", "only beside actuators.ideal = true"));
         }
+        let step_us = file.physics.step_s * 1e6;
+        if (step_us - step_us.round()).abs() > 1e-6 {
+            faults.push(Invalid::new(
+                "physics.step_s",
+                format!("{} s is no whole number of microseconds", file.physics.step_s),
+            ));
+        }
+        if file.physics.step_s != PLANT_STEP_S && file.sensors.enabled {
+            faults.push(Invalid::new(
+                "physics.step_s",
+                "another step than 0.001 needs sensors.enabled = false and a command schedule",
+            ));
+        }
         if file.initial.engine == EngineStart::Running
             && file.initial.place == Place::Pad
             && !file.initial.clamped
@@ -375,6 +457,12 @@ impl Scenario {
         }
         if let Some(grade) = file.sensors.gnss {
             vehicle.sensors.gnss.grade = grade;
+        }
+        if file.fidelity == Fidelity::Paper {
+            vehicle.keep_to_the_paper();
+        }
+        if file.physics.freeze.contains(&Coupling::Slosh) {
+            vehicle.slosh.model = SloshModel::Frozen;
         }
         let mut faults = Vec::new();
         if schedule.is_none() && file.initial.engine == EngineStart::Running {
@@ -413,6 +501,8 @@ impl Scenario {
             sequence: Sequence::default(),
             actuators: Actuators::default(),
             model: Model::default(),
+            fidelity: Fidelity::default(),
+            physics: Physics::default(),
             sensors: Sensors { enabled: false, ..Sensors::default() },
             mission: Mission::default(),
             expect: Expect::default(),

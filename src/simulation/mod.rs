@@ -14,7 +14,7 @@ pub use report::{Event, FlownBy, Report, Source};
 use crate::autopilot::Autopilot;
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::plant::{Plant, STEP, Snapshot};
+use crate::plant::{Plant, Snapshot};
 use crate::scenario::{Outcome, Place, Scenario};
 use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
@@ -29,6 +29,7 @@ const HASH_EVERY: u64 = 100;
 pub struct Flight {
     scenario: Scenario,
     seed: u32,
+    step: SimTime,
     plant: Plant,
     sensors: Option<SensorSuite>,
     autopilot: Autopilot,
@@ -71,7 +72,8 @@ impl Flight {
     /// # Errors
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
-        let plant = Plant::new(scenario)?;
+        let step = SimTime::from_s(scenario.file.physics.step_s);
+        let plant = Plant::with_step(scenario, step)?;
         let snapshot = *plant.snapshot();
         let mut parameters = scenario.vehicle.sensors.clone();
         if let Some(rate_hz) = instruments.imu_rate_hz {
@@ -83,7 +85,7 @@ impl Flight {
                 &SensorSetup {
                     environment: plant.environment(),
                     seed: u64::from(seed),
-                    step: STEP,
+                    step,
                     initial: &plant.truth(),
                     gnss_delay_s: scenario.file.sensors.gnss_delay_s.or(instruments.gnss_delay_s),
                 },
@@ -110,6 +112,7 @@ impl Flight {
             }),
             scenario: scenario.clone(),
             seed,
+            step,
             plant,
             sensors,
             measurement: None,
@@ -130,7 +133,7 @@ impl Flight {
 
     /// Length of a step (s).
     pub fn step_s(&self) -> f64 {
-        STEP.s()
+        self.step.s()
     }
 
     /// Advances one step under a command.
@@ -159,7 +162,7 @@ impl Flight {
                 throttle: self.plant.throttle_on(command),
                 mission_s: self.plant.mission_s(),
                 hover_reference_ned_m: self.hover_reference(),
-                dt_s: STEP.s(),
+                dt_s: self.step.s(),
             },
         );
         if seen.liftoff {

@@ -14,7 +14,7 @@ use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::noise::sample_std;
 use crate::propulsion::{EngineCondition, FeedMap, Guess};
-use crate::scenario::Scenario;
+use crate::scenario::{Fidelity, Scenario};
 use crate::vehicle::Vehicle;
 
 use super::Instrumentation;
@@ -43,7 +43,11 @@ pub fn autopilot(
             gimbal_rate_limit_rad_s: vehicle.gimbal.rate_limit_rad_s,
             rcs_torque_n_m: vehicle.roll_moment_n_m(),
             rcs_dead_band: vehicle.reaction_control.dead_band,
-            throttle_output: ThrottleOutput::Valve,
+            // The paper's engine is driven by the thrust, and its valve angles are not the full engine's.
+            throttle_output: match scenario.file.fidelity {
+                Fidelity::Full => ThrottleOutput::Valve,
+                Fidelity::Paper => ThrottleOutput::Thrust,
+            },
         },
         gains: Gains::default(),
     }

@@ -17,6 +17,7 @@ pub struct State {
     pub q_ned_from_body: Quaternion<f64>,
     pub rate_body_rad_s: Vec3,
     pub slosh: SloshState,
+    pub second_slosh: SloshState,
 }
 
 impl State {
@@ -27,6 +28,7 @@ impl State {
             q_ned_from_body: Quaternion::identity(),
             rate_body_rad_s: Vec3::zeros(),
             slosh: SloshState::default(),
+            second_slosh: SloshState::default(),
         }
     }
 
@@ -44,7 +46,11 @@ impl State {
             rate_body_rad_s: a.angular_body_rad_s2,
             slosh: SloshState {
                 displacement_body_m: self.slosh.velocity_body_m_s,
-                velocity_body_m_s: a.slosh_body_m_s2,
+                velocity_body_m_s: a.slosh_body_m_s2[0],
+            },
+            second_slosh: SloshState {
+                displacement_body_m: self.second_slosh.velocity_body_m_s,
+                velocity_body_m_s: a.slosh_body_m_s2[1],
             },
         }
     }
@@ -58,15 +64,20 @@ impl Integrable for State {
             velocity_ned_m_s: self.velocity_ned_m_s + k.velocity_ned_m_s * dt_s,
             q_ned_from_body: self.q_ned_from_body + k.q_ned_from_body * dt_s,
             rate_body_rad_s: self.rate_body_rad_s + k.rate_body_rad_s * dt_s,
-            slosh: SloshState {
-                displacement_body_m: self.slosh.displacement_body_m + k.slosh.displacement_body_m * dt_s,
-                velocity_body_m_s: self.slosh.velocity_body_m_s + k.slosh.velocity_body_m_s * dt_s,
-            },
+            slosh: moved(&self.slosh, &k.slosh, dt_s),
+            second_slosh: moved(&self.second_slosh, &k.second_slosh, dt_s),
         }
     }
     fn rk4_mean(k1: &State, k2: &State, k3: &State, k4: &State) -> State {
         let sum = k1.advanced(k2, 2.0).advanced(k3, 2.0).advanced(k4, 1.0);
         sum.advanced(&sum, -5.0 / 6.0)
+    }
+}
+
+fn moved(s: &SloshState, k: &SloshState, dt_s: f64) -> SloshState {
+    SloshState {
+        displacement_body_m: s.displacement_body_m + k.displacement_body_m * dt_s,
+        velocity_body_m_s: s.velocity_body_m_s + k.velocity_body_m_s * dt_s,
     }
 }
 
@@ -152,13 +163,16 @@ pub const FULL: Contents = Contents {
 
 /// A balance without loads or flow.
 pub fn balance<'a>(vehicle: &'a MassProperties, flow: &'a FlowTerms, rate_body_rad_s: Vec3) -> Balance<'a> {
-    Balance { vehicle, flow, rate_body_rad_s, load: Load::NONE, slosh: None, swing: None }
+    Balance { vehicle, flow, rate_body_rad_s, load: Load::NONE, slosh: [None; 2], swing: None }
 }
 
-/// The mode of the full reference tank under an axial specific force.
+/// The first mode of the full reference tank under an axial specific force.
 pub fn full_mode(reference: &Reference, axial_m_s2: f64) -> Mode {
-    reference
-        .slosh
-        .mode(reference.model.tank(), FULL.nitrous_kg, FULL.nitrous_density_kg_m3, axial_m_s2)
-        .unwrap()
+    mode_of(reference, FULL.nitrous_kg, axial_m_s2)
+}
+
+/// The first mode of so much liquid in the reference tank.
+pub fn mode_of(reference: &Reference, nitrous_kg: f64, axial_m_s2: f64) -> Mode {
+    let tank = reference.model.tank();
+    reference.slosh.modes(tank, nitrous_kg, FULL.nitrous_density_kg_m3, axial_m_s2)[0].unwrap()
 }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use hopbench::input::{Fault, InputError};
 use hopbench::plant::signs;
+use hopbench::propulsion::ValveMapCheck;
 use hopbench::scenario::ScenarioFile;
 use hopbench::vehicle::VehicleFile;
 use serde_json::json;
@@ -97,10 +98,34 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Ok(ExitCode::from(if agrees { DONE } else { UNEXPECTED }));
     }
     let what = if kind == Kind::Vehicle { "vehicle" } else { "scenario" };
+    let map = (kind == Kind::Vehicle).then(|| vehicle.engine.valve_area().check());
     if common.json {
-        print_json(&json!({ "file": args.file, "kind": what, "valid": true }))?;
+        print_json(&json!({ "file": args.file, "kind": what, "valid": true, "valve_map": map }))?;
     } else {
-        print_text(&format!("{}: a good {what} file\n", args.file.display()))?;
+        let map = map.map_or(String::new(), |map| valve_map(&map) + "\n");
+        print_text(&format!("{}: a good {what} file\n{map}", args.file.display()))?;
     }
     Ok(ExitCode::from(DONE))
+}
+
+/// How good the valve's table is, in words.
+pub(super) fn valve_map(map: &ValveMapCheck) -> String {
+    let mut text = format!(
+        "Valve map: {} rows of {}, shut to {:.3} deg, open at {:.3} deg with {:.3} mm2; angle to area to angle within {:.1e} deg",
+        map.rows,
+        map.measure,
+        map.shut_deg,
+        map.open_deg,
+        map.open_area_m2 * 1e6,
+        map.round_trip_deg
+    );
+    if let Some(worst) = map.worst_row {
+        text += &format!(
+            "; worst row {:.3} deg: the others put its {:.4} mm2 at {:+.3} deg from there",
+            worst.angle_deg,
+            worst.area_m2 * 1e6,
+            worst.error_deg
+        );
+    }
+    text + "."
 }

@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use anyhow::Result;
 use hopbench::fluid::Nitrous;
 use hopbench::input::{Fault, InputError};
-use hopbench::propulsion::{EngineCondition, FeedMap, Guess, OperatingPoint};
+use hopbench::propulsion::{EngineCondition, FeedMap, Guess};
 use hopbench::vehicle::Vehicle;
-use serde::Serialize;
-use serde_json::json;
 
-use super::{Common, DONE, print_json, print_text};
+use super::{Common, DONE, check, print_json, print_text};
 use crate::load;
+use crate::report::RunFolder;
+use crate::throttle_map::{Point, ThrottleMap};
 
 /// Steady points of the lit engine
 #[derive(Debug, clap::Args)]
@@ -26,7 +26,7 @@ pub struct Args {
     /// The point at this valve angle (deg)
     #[arg(long, value_name = "A")]
     pub valve_deg: Option<f64>,
-    /// Points over the whole travel of the valve
+    /// Points over every thrust that can be asked for; with --out DIR also throttle_map.svg, sweep.csv and sweep.json there
     #[arg(long)]
     pub sweep: bool,
     /// Port radius (mm); the vehicle file's start value if absent
@@ -41,43 +41,6 @@ pub struct Args {
     /// Tank pressure (bar); the vehicle file's if absent
     #[arg(long, value_name = "P")]
     pub tank_bar: Option<f64>,
-}
-
-/// Points of a sweep.
-const SWEEP_POINTS: u32 = 64;
-
-/// One steady point, keys as in the manual.
-#[derive(Debug, Serialize)]
-struct Point {
-    valve_deg: f64,
-    valve_area_m2: f64,
-    oxidizer_kg_s: f64,
-    fuel_kg_s: f64,
-    of_ratio: f64,
-    chamber_pa: f64,
-    injector_inlet_pa: f64,
-    quality: f64,
-    thrust_n: f64,
-    isp_s: f64,
-    saturated: bool,
-}
-
-impl Point {
-    fn new(vehicle: &Vehicle, valve_rad: f64, point: &OperatingPoint, saturated: bool) -> Self {
-        Self {
-            valve_deg: valve_rad.to_degrees(),
-            valve_area_m2: vehicle.engine.valve_area().area_m2(valve_rad),
-            oxidizer_kg_s: point.oxidizer_kg_s,
-            fuel_kg_s: point.fuel_kg_s,
-            of_ratio: point.of_ratio,
-            chamber_pa: point.chamber_pa,
-            injector_inlet_pa: point.injector_inlet_pa,
-            quality: point.quality,
-            thrust_n: point.thrust_n,
-            isp_s: point.isp_s,
-            saturated,
-        }
-    }
 }
 
 /// A number of the command line within its allowed range.
@@ -125,65 +88,92 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     };
     let open_deg = vehicle.valve_servo.upper_rad.to_degrees();
 
-    let points: Vec<Point> = if args.sweep {
-        (0..=SWEEP_POINTS)
-            .map(|i| {
-                let valve_rad = vehicle.valve_servo.upper_rad * f64::from(i) / f64::from(SWEEP_POINTS);
-                Point::new(&vehicle, valve_rad, &at_valve(valve_rad), false)
-            })
-            .collect()
-    } else if let Some(valve_deg) = args.valve_deg {
-        // Beyond fully open is the fully open valve, flagged; the encoder's last digit is forgiven.
-        let asked = within("--valve-deg", valve_deg, 0.0, 360.0)?;
-        let valve_rad = asked.min(open_deg).to_radians();
-        vec![Point::new(&vehicle, valve_rad, &at_valve(valve_rad), asked > open_deg + 1e-6)]
-    } else {
-        let thrust_n = within("--thrust-n", args.thrust_n.unwrap_or_default(), 0.0, 1e6)?;
-        let inverse = engine.inverse(&feed, thrust_n, &condition, Guess::default());
-        vec![Point::new(&vehicle, inverse.valve_rad, &inverse.point, inverse.saturated)]
-    };
-
-    if common.json {
-        if args.sweep {
-            print_json(&json!({ "points": points }))?;
-        } else {
-            print_json(&points[0])?;
-        }
-        return Ok(ExitCode::from(DONE));
-    }
-    let mut text = format!(
+    let title = format!(
         "{}: port radius {:.2} mm, throat radius {:.2} mm, tank {:.1} K, {:.1} bar\n",
         vehicle.name, port_mm, throat_mm, tank_k, tank_bar
     );
-    text += &format!(
-        "{:>9} {:>10} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>9} {:>7}\n",
-        "valve deg",
-        "area mm2",
-        "N2O kg/s",
-        "fuel kg/s",
-        "O/F",
-        "Pc bar",
-        "P2 bar",
-        "quality",
-        "thrust N",
-        "Isp s"
-    );
-    for p in &points {
-        text += &format!(
-            "{:>9.3} {:>10.4} {:>9.5} {:>9.5} {:>7.3} {:>8.3} {:>8.3} {:>8.4} {:>9.2} {:>7.2}{}\n",
-            p.valve_deg,
-            p.valve_area_m2 * 1e6,
-            p.oxidizer_kg_s,
-            p.fuel_kg_s,
-            p.of_ratio,
-            p.chamber_pa * 1e-5,
-            p.injector_inlet_pa * 1e-5,
-            p.quality,
-            p.thrust_n,
-            p.isp_s,
-            if p.saturated { "  saturated" } else { "" }
-        );
+    if args.sweep {
+        let map = ThrottleMap::new(&vehicle, &feed, &condition);
+        if let Some(out) = &common.out {
+            let folder = RunFolder::create(out)?;
+            folder.leave("throttle_map.svg", &map.svg()?)?;
+            folder.leave("sweep.csv", &map.csv())?;
+            folder.leave("sweep.json", &(serde_json::to_string_pretty(&map)? + "\n"))?;
+        }
+        if common.json {
+            print_json(&map)?;
+        } else {
+            print_text(&sweep_text(&title, &map, &vehicle))?;
+        }
+        return Ok(ExitCode::from(DONE));
     }
-    print_text(&text)?;
+    let point = if let Some(valve_deg) = args.valve_deg {
+        // Beyond fully open is the fully open valve, flagged; the encoder's last digit is forgiven.
+        let asked = within("--valve-deg", valve_deg, 0.0, 360.0)?;
+        let valve_rad = asked.min(open_deg).to_radians();
+        Point::new(&vehicle, valve_rad, &at_valve(valve_rad), asked > open_deg + 1e-6)
+    } else {
+        let thrust_n = within("--thrust-n", args.thrust_n.unwrap_or_default(), 0.0, 1e6)?;
+        let inverse = engine.inverse(&feed, thrust_n, &condition, Guess::default());
+        Point::new(&vehicle, inverse.valve_rad, &inverse.point, inverse.saturated)
+    };
+    if common.json {
+        print_json(&point)?;
+    } else {
+        let mark = if point.saturated { "  saturated" } else { "" };
+        print_text(&format!("{title}{HEADING}\n{}{mark}\n", row(&point)))?;
+    }
     Ok(ExitCode::from(DONE))
+}
+
+/// Names of the columns of [`row`].
+const HEADING: &str =
+    "valve deg   area mm2  N2O kg/s fuel kg/s     O/F   Pc bar   P2 bar  quality  thrust N   Isp s";
+
+fn row(p: &Point) -> String {
+    format!(
+        "{:>9.3} {:>10.4} {:>9.5} {:>9.5} {:>7.3} {:>8.3} {:>8.3} {:>8.4} {:>9.2} {:>7.2}",
+        p.valve_deg,
+        p.valve_area_m2 * 1e6,
+        p.oxidizer_kg_s,
+        p.fuel_kg_s,
+        p.of_ratio,
+        p.chamber_pa * 1e-5,
+        p.injector_inlet_pa * 1e-5,
+        p.quality,
+        p.thrust_n,
+        p.isp_s
+    )
+}
+
+/// The throttle map as a table.
+fn sweep_text(title: &str, map: &ThrottleMap, vehicle: &Vehicle) -> String {
+    let mut text = format!("{title}throttle {HEADING}\n");
+    for demanded in &map.points {
+        let mut marks = String::new();
+        for (holds, mark) in [
+            (demanded.below_minimum_command, "below minimum"),
+            (demanded.point.saturated, "saturated"),
+            (demanded.of_clamped, "O/F outside the map"),
+            (demanded.nozzle != "full", demanded.nozzle),
+        ] {
+            if holds {
+                marks += if marks.is_empty() { "  " } else { ", " };
+                marks += mark;
+            }
+        }
+        text += &format!("{:>6.0} % {}{marks}\n", demanded.throttle_percent, row(&demanded.point));
+    }
+    text += &format!(
+        "\nGreatest thrust {:.1} N, limited by {}; least thrust command {:.0} N. {}\n",
+        map.thrust_greatest_n,
+        if map.limited_by == "oxidizer_flow" {
+            format!("the oxidiser flow, {} kg/s", map.oxidizer_flow_max_kg_s)
+        } else {
+            "the fully open valve".to_owned()
+        },
+        map.thrust_command_min_n,
+        check::valve_map(&vehicle.engine.valve_area().check())
+    );
+    text
 }

@@ -78,7 +78,16 @@ fn python_tests(pytest: &[String]) -> Outcome {
 }
 
 fn long_evidence() -> Outcome {
-    println!("long evidence: the Python tests marked `long` (tests/python)");
+    println!(
+        "long evidence: 10 000 random vehicle files, then the Python tests marked `long` (tests/python)"
+    );
+    stage(
+        "10 000 random vehicles",
+        cargo()
+            .args(["test", "--release", "--locked", "-p", "hopbench", "--test", "invariant_random_vehicles"])
+            .args(["--", "--nocapture"])
+            .env("HOPBENCH_RANDOM_FILES", "10000"),
+    )?;
     let hopbench = release_binary()?;
     let python = python::environment(&root())?;
     stage("long Python tests", pytest_command(&python, &hopbench).args(["-m", "long"]))
