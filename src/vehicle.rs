@@ -174,6 +174,7 @@ pub enum GasModel {
 
 /// Bottle and tank at one instant, by either model.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant)] // lives on the stack for one evaluation
 pub enum GasSupply {
     /// Distributed by algebra.
     Distributed(NitrogenState),

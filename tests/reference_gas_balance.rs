@@ -162,9 +162,11 @@ fn mass_and_energy_close_to_a_billionth() {
                 worst[2] = worst[2].max((view.tank_pa - 65e5).abs());
             }
         });
-        // Round-off of 24 000 steps for mass; RK4 over the cells of bicubic tables for energy, and the
-        // first steps, in which the surface reaches equilibrium within 20 ms.
-        assert!(worst[0] < 1e-12 && worst[1] < 1e-9, "{conductance} {saturation}: {worst:?}");
+        // Round-off of 24 000 steps for mass; RK4 over the cells of bicubic tables for energy. Gas in
+        // equilibrium rides on the saturation line, where mist begins with a kink: each crossing costs an error
+        // of second order in the step.
+        let allowed = if conductance == 1.0 { 1e-6 } else { 1e-9 };
+        assert!(worst[0] < 1e-12 && worst[1] < allowed, "{conductance} {saturation}: {worst:?}");
         assert!(worst[2] < 0.5e5, "65 +- 0.5 bar: {worst:?}");
         assert!(end.0.gas.bottle_k < 280.0 && end.0.gas.ullage_k < 289.0);
     }
@@ -173,7 +175,7 @@ fn mass_and_energy_close_to_a_billionth() {
 #[test]
 fn the_second_code_agrees() {
     let text = include_str!("reference/gas_balance.csv");
-    let mut worst = [0.0f64; 2];
+    let mut worst = [0.0f64; 3];
     let mut rows = 0;
     for line in text.lines().filter(|l| !l.starts_with('#')).skip(1) {
         let mut cells = line.split(',');
@@ -217,14 +219,14 @@ fn the_second_code_agrees() {
                 gas.liquid_k,
             ];
             for (ours, theirs) in ours.into_iter().zip(&v[3..]) {
-                see(&mut worst[1], ours, *theirs);
+                see(&mut worst[if v[0] == 1.0 { 2 } else { 1 }], ours, *theirs);
             }
         }
     }
     assert_eq!(rows, 18);
-    println!("bottle {:.1e}, drain {:.1e}", worst[0], worst[1]);
-    // The drain's second code integrates to 1e-7 with a numerical slope of the pressure, and interpolates nothing.
-    assert!(worst[0] < 1e-4 && worst[1] < 1e-3, "{worst:?}");
+    println!("bottle {:.1e}, drain {:.1e}, with mist {:.1e}", worst[0], worst[1], worst[2]);
+    // Droplets of mist take no room here, 1 % of their share; the second code lets them.
+    assert!(worst[0] < 1e-4 && worst[1] < 1e-4 && worst[2] < 1e-2, "{worst:?}");
 }
 
 proptest! {
