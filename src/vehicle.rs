@@ -13,7 +13,7 @@ use crate::dynamics::aerodynamics::Aerodynamics;
 use crate::dynamics::landing_gear::{HoldDown, LandingGear};
 use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
 use crate::dynamics::mass_report::{MassReport, MassReportError};
-use crate::dynamics::slosh::{Slosh, SloshModel};
+use crate::dynamics::slosh::{HardeningLaw, Slosh, SloshModel};
 use crate::environment::Site;
 use crate::fluid::{Isotherm, Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
@@ -472,8 +472,15 @@ impl Vehicle {
     /// Takes the model choices of the seed paper, whatever the file says.
     pub fn keep_to_the_paper(&mut self) {
         self.slosh.model = SloshModel::OneWayPaper;
+        self.slosh.hardening_law = HardeningLaw::PerAxis;
+        self.slosh.baffle_damping_ratio = 0.0;
         self.gimbal.engine_inertia = false;
         self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
+        self.engine_parameters.grain.fuel_flow_lag_s = 0.0;
+        let pressurant = &mut self.pressurant;
+        pressurant.bottle.model = BottleModel::Isothermal;
+        pressurant.regulator.droop_pa_s_kg = 0.0;
+        pressurant.regulator.lockup_pa = 0.0;
     }
 
     /// Liquid that the run tank holds at the start (kg).

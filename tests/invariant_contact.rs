@@ -60,7 +60,7 @@ impl Stand {
         stand.gear.static_friction_ratio = static_friction_ratio;
         stand.gear.stick_stiffness_n_m = 1e6;
         stand.vehicle.first_moment_kg_m = Vec3::zeros();
-        stand.vehicle.inertia_kg_m2 = hopbench::frame::Mat3::identity() * 1e12;
+        stand.vehicle.inertia_kg_m2 = hopbench::frame::Mat3::identity() * 1e15;
         stand.state.position_ned_m.z = -stand.gear.rest_height_m(stand.weight_n());
         stand.settle();
         stand

@@ -262,7 +262,7 @@ mod tests {
         }
         assert_eq!(speed(WindProfile::Uniform, 0.0), speed(WindProfile::Uniform, 80.0));
         let log = |height_m| speed(WindProfile::Logarithmic, height_m);
-        let gain = 6.0 * 2.0_f64.ln() / (10.0_f64 / 0.03).ln();
+        let gain = 6.0 * libm::log(2.0) / libm::log(10.0 / 0.03);
         assert!((log(8.0) - log(4.0) - gain).abs() < 1e-13 && (log(64.0) - log(32.0) - gain).abs() < 1e-13);
         assert_eq!(log(0.03), 0.0);
         assert_eq!(log(-1.0), 0.0);

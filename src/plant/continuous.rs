@@ -16,9 +16,6 @@ use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, OperatingPoin
 /// passes zero.
 const DRAIN_S: f64 = 4e-3;
 
-/// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
-const OUTFLOWS: usize = 2 + 16;
-
 impl Plant {
     /// Conditions of the engine at a state.
     pub(super) fn condition(&self, state: &State) -> EngineCondition {
@@ -47,6 +44,7 @@ impl Plant {
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
+    #[inline(always)] // so that a stage computes nothing but its rate
     pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
         let (vehicle, held) = (&self.vehicle, &self.held);
 
@@ -58,8 +56,7 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let mut engine = self.engine_at(open_area_m2, state, share);
-        engine.thrust_n = held.disturbed.thrust_n(engine.thrust_n);
+        let engine = self.engine_at(open_area_m2, state, share);
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
@@ -243,34 +240,37 @@ impl Plant {
             Pair::A => levels.a,
             Pair::B => levels.b,
         };
-        // All thrusters are alike, so each has its share of the flow by its level.
-        let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
-        let per_level_kg_s = if sum > 0.0 { thrusters_kg_s / sum } else { 0.0 };
-        let mut outflows =
-            [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
-        outflows[1] = Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s };
-        for (outflow, thruster) in outflows[2..].iter_mut().zip(&rcs.thruster) {
-            *outflow = Outflow {
-                position_body_m: Vec3::from(thruster.position_m),
-                mass_flow_kg_s: level(thruster.pair) * per_level_kg_s,
-            };
+        let outflow = |position_body_m, mass_flow_kg_s| Outflow { position_body_m, mass_flow_kg_s };
+        let mut terms = FlowTerms::new(
+            rate,
+            &[outflow(self.outlets.nozzle, nozzle_kg_s), outflow(self.outlets.vent, vent_kg_s)],
+        );
+        if thrusters_kg_s > 0.0 {
+            // All thrusters are alike, so each has its share of the flow by its level.
+            let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
+            for thruster in &rcs.thruster {
+                let share = level(thruster.pair) / sum;
+                terms.add(&outflow(Vec3::from(thruster.position_m), share * thrusters_kg_s));
+            }
         }
-        let count = 2 + rcs.thruster.len().min(OUTFLOWS - 2);
-        FlowTerms::new(rate, &outflows[..count])
+        terms
     }
 
     /// What the engine does with this much valve area open, `share` of a step on.
     fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> OperatingPoint {
         let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
-        match &self.paper {
+        let mut point = match &self.paper {
             None => {
                 let guess = self.held.guess_at(share);
                 engine.operating_point(feed, valve_area_m2, &self.condition(state), guess)
             }
-            Some(paper) => paper.point.unwrap_or_else(|| {
-                paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state))
-            }),
-        }
+            Some(paper) => match paper.point {
+                Some(held) => return held,
+                None => paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)),
+            },
+        };
+        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n);
+        point
     }
 
     /// Time in which a nearly empty store gives what it has (s): a few steps.

@@ -4,6 +4,9 @@
 //! per stage of the integrator: servos, feed and combustion, mass, loads, balance of momentum. Whatever
 //! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
 //! isolation and vent valves, contact anchors, pulses of the thrusters, events.
+//!
+//! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings held still for
+//! studies (`freeze.rs`).
 
 mod command;
 mod continuous;
@@ -22,7 +25,7 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::{DelayLine, ServoMemory};
+use crate::actuator::{DelayLine, Servo, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
@@ -76,7 +79,9 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
-/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess.
+/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess. Whoever lets
+/// [`Plant::evaluate`] read something else that changes between steps adds it here; tests with debug assertions
+/// compare every rate that is taken over with a fresh one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Inputs {
     condition: EngineCondition,
@@ -86,6 +91,8 @@ struct Inputs {
     isolation: f64,
     vent: f64,
     rcs_open: PairLevels,
+    /// Where friction holds the servos of valve and gimbal (rad); 0 without friction.
+    friction_anchors_rad: [f64; 3],
     lit: bool,
     ignition: Option<SimTime>,
     grip: Grip,
@@ -132,9 +139,10 @@ struct Held {
     grip: Grip,
     anchors: Anchors,
     feed: FeedMap,
-    /// Where the engine's solver looks first, and how that moved in the last step.
+    /// Where the engine's solver looks first, and the first and second differences per step of its two
+    /// pressures (Pa), injector inlet and chamber.
     guess: Guess,
-    guess_trend: Guess,
+    trend_pa: [[f64; 2]; 2],
     modulator: Modulator,
     /// Share of the step in which the valves of each thruster pair are open.
     rcs_open: PairLevels,
@@ -157,27 +165,28 @@ struct Held {
 }
 
 impl Held {
-    /// Where the solver looks first, `share` of a step on: as it moved in the last step.
+    /// Where the solver looks first, `share` of a step on: as it moved in the last steps.
     fn guess_at(&self, share: f64) -> Guess {
-        Guess {
-            injector_inlet_pa: self.guess.injector_inlet_pa + share * self.guess_trend.injector_inlet_pa,
-            log_chamber_pressure: self.guess.log_chamber_pressure
-                + share * self.guess_trend.log_chamber_pressure,
-            ..self.guess
-        }
+        let mut guess = self.guess;
+        let (first, second) = (share, 0.5 * share * (share + 1.0));
+        let [inlet, chamber] = &self.trend_pa;
+        guess.injector_inlet_pa += first * inlet[0] + second * inlet[1];
+        guess.near.pressure.pa += first * chamber[0] + second * chamber[1];
+        guess
     }
 
     /// Takes in the solution at the end of a step.
     fn look_from(&mut self, next: Guess) {
         let settled = self.guess.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
-        self.guess_trend = if settled {
-            Guess {
-                injector_inlet_pa: next.injector_inlet_pa - self.guess.injector_inlet_pa,
-                log_chamber_pressure: next.log_chamber_pressure - self.guess.log_chamber_pressure,
-                slope_kg_s_pa: 0.0,
-            }
+        let before = [self.guess.injector_inlet_pa, self.guess.near.pressure.pa];
+        let now = [next.injector_inlet_pa, next.near.pressure.pa];
+        self.trend_pa = if settled {
+            std::array::from_fn(|k| {
+                let first = now[k] - before[k];
+                [first, first - self.trend_pa[k][0]]
+            })
         } else {
-            Guess::default()
+            Default::default()
         };
         self.guess = next;
     }
@@ -243,7 +252,7 @@ impl Plant {
             let first = self.first_rate();
             self.state = match self.options.integrator {
                 IntegratorKind::Rk4 => {
-                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate)
+                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.rate(state, share))
                 }
                 IntegratorKind::Euler => self.state.advanced(&first, dt_s),
             };
@@ -252,6 +261,12 @@ impl Plant {
         self.time = self.time + self.step;
         self.disturb(self.step.s());
         self.settle();
+    }
+
+    /// The rate alone: what else an evaluation finds need not be stored.
+    #[inline(never)]
+    fn rate(&self, state: &State, share: f64) -> Rate {
+        self.evaluate(state, share).rate
     }
 
     /// Rate at the beginning of a step.
@@ -265,7 +280,7 @@ impl Plant {
                 );
                 settled.rate
             }
-            None => self.evaluate(&self.state, 0.0).rate,
+            None => self.rate(&self.state, 0.0),
         }
     }
 
@@ -280,6 +295,11 @@ impl Plant {
             isolation: held.isolation,
             vent: held.vent,
             rcs_open: held.rcs_open,
+            friction_anchors_rad: [
+                stuck_at(&self.vehicle.valve_servo, &held.valve_memory),
+                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[0]),
+                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[1]),
+            ],
             lit: held.flame.lit,
             ignition: held.ignition,
             grip: held.grip,
@@ -354,6 +374,11 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
+}
+
+/// Where friction holds a servo (rad); without friction its memory follows the angle and means nothing.
+fn stuck_at(servo: &Servo, memory: &ServoMemory) -> f64 {
+    if servo.friction_rad > 0.0 { memory.anchor_rad } else { 0.0 }
 }
 
 /// Equal within what the solver's tolerance and rounding may differ.

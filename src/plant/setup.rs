@@ -129,7 +129,7 @@ impl Plant {
                 anchors: Anchors::default(),
                 feed: FeedMap::new(nitrogen.tank_pa, vehicle.tank.temperature_k),
                 guess: Guess::default(),
-                guess_trend: Guess::default(),
+                trend_pa: Default::default(),
                 modulator: Modulator::default(),
                 rcs_open: PairLevels::default(),
                 demand: Demand {

@@ -3,7 +3,7 @@
 //! [`Engine`] is the whole as one function of plain values. Forward, [`Engine::operating_point`]: given the
 //! valve's area and the tank ([`FeedMap`]), one bracketed root in the pressure P2 between valve and injector
 //! gives flow, chamber pressure and thrust. Backward, [`Engine::inverse`]: thrust → flow → chamber
-//! pressure → P2 → area → angle.
+//! pressure → P2 → area → angle. [`PaperEngine`] is the seed paper's own way to the same, kept for comparison.
 //!
 //! Source: the seed paper, "Analytical Modeling of Oxidizer Motion and Fuel Regression in Hybrid Rockets for
 //! In-Flight Mass Evolution", Eqs 1 to 16, with its errata set right; each part names its own sources.
