@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 KILOGRAM_FORCE = 9.80665  # N; the recordings carry no unit, kgf is the only plausible one
 VALVE_S = 2.5  # the valve opens, by the schedules
 # Published of the recordings, in their own unit, at seconds after the rise began: rise, start of the plateau,
-# end of it, spike at depletion.
+# end of it, spike at depletion. The times of the last two are published at 100 % only; at 50 and 15 % they
+# are placed at ours.
 PUBLISHED = {
     100: [(0.0, 0.0), (0.56, 142.5), (2.06, 168.0), (2.2, 194.5)],
     50: [(0.0, 0.0), (0.52, 117.0), (2.3, 139.0), (2.45, 177.7)],
