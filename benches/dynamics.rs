@@ -4,7 +4,7 @@
 #[path = "../tests/motion/mod.rs"]
 mod motion;
 
-use hopbench::actuator::{Gimbal, ServoState};
+use hopbench::actuator::{Gimbal, ServoMemory, ServoState};
 use hopbench::dynamics::Load;
 use hopbench::dynamics::landing_gear::{Anchors, Grip, LandingGear, Motion};
 use hopbench::dynamics::mass::{ContentsRate, FlowTerms, Outflow};
@@ -68,7 +68,8 @@ fn main() {
 
     let gimbal: Gimbal = reference.section("gimbal");
     let servo = gimbal.servo();
-    time("servo rate", || servo.rate(black_box(&ServoState::default()), black_box(0.02)));
+    let memory = ServoMemory::default();
+    time("servo rate", || servo.rate(black_box(&ServoState::default()), black_box(0.02), black_box(&memory)));
 
     let gear: LandingGear = reference.section("landing_gear");
     let pads = gear.pads_body_m();

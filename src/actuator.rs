@@ -12,7 +12,18 @@
 //! bounds let the rate reach its limit and the angle its stop exponentially; well inside them the servo is
 //! exactly linear, so smooth motion keeps the integrator's order. Source: the bounds are first- and
 //! second-order barrier conditions (Nagumo; Nguyen and Sreenath, 2016), chosen over a switch at the limit
-//! because they need no event. Play is a hysteresis behind the servo, remembered between steps.
+//! because they need no event.
+//!
+//! Coulomb friction is a critically damped spring that sticks and slips,
+//! `θ'' += -ω² clamp(K (θ - anchor) + 2 K^(1/2) θ'/ω, ±friction)`. While the
+//! servo sticks the anchor stays; beyond the friction it is dragged along, between steps. Friction is given as an
+//! angle, the error that the position loop needs to break away, so no error below it is corrected: the steady error
+//! is at most the friction, and following a slow ramp the servo lags by it. `K = 25`, less for a servo so fast
+//! that five times its frequency is beyond what RK4 at 1 ms resolves. Source: elastic-plastic (Prandtl) element, the rate-independent
+//! limit of the Dahl and LuGre models (Olsson et al., Friction Models and Friction Compensation, 1998). Static
+//! and sliding friction are the same. A servo that is told to go to a stop pushes on until it is there.
+//!
+//! Play is a hysteresis behind the servo. Both are remembered between steps, in [`ServoMemory`].
 
 use crate::time::SimTime;
 use std::collections::VecDeque;
@@ -21,6 +32,9 @@ use std::collections::VecDeque;
 const FASTEST_BARRIER_1_S: f64 = 1000.0;
 /// Approach to a limit over natural frequency.
 const BARRIER_OVER_FREQUENCY: f64 = 10.0;
+/// Frequency of the servo on the spring of its friction, over natural frequency, and at most (rad/s).
+const STICK_OVER_FREQUENCY: f64 = 5.0;
+const FASTEST_STICK_RAD_S: f64 = 500.0;
 
 /// Gimbal servos, the `[gimbal]` table of a vehicle file; both axes are alike.
 #[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
@@ -44,6 +58,10 @@ pub struct Gimbal {
     /// Play between servo and engine, stop to stop (rad).
     #[schemars(range(min = 0.0, max = 0.2))]
     pub backlash_rad: f64,
+    /// Coulomb friction, as the error at which the position loop breaks away (rad).
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.1))]
+    pub friction_rad: f64,
     /// Whether the swinging engine reacts on the body.
     pub engine_inertia: bool,
 }
@@ -58,6 +76,7 @@ impl Gimbal {
             lower_rad: -self.limit_rad,
             upper_rad: self.limit_rad,
             backlash_rad: self.backlash_rad,
+            friction_rad: self.friction_rad,
         }
     }
 }
@@ -77,6 +96,24 @@ pub struct Servo {
     pub upper_rad: f64,
     /// Play behind the servo, stop to stop (rad).
     pub backlash_rad: f64,
+    /// Coulomb friction, as the error at which the position loop breaks away (rad).
+    pub friction_rad: f64,
+}
+
+/// What a servo remembers between steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ServoMemory {
+    /// Where the play was left: the angle of what the servo moves (rad).
+    pub held_rad: f64,
+    /// Where friction holds the servo (rad).
+    pub anchor_rad: f64,
+}
+
+impl ServoMemory {
+    /// At rest at an angle, in the middle of the play.
+    pub fn at(angle_rad: f64) -> Self {
+        Self { held_rad: angle_rad, anchor_rad: angle_rad }
+    }
 }
 
 /// Where a servo is.
@@ -115,11 +152,21 @@ impl Servo {
     }
 
     /// Rate under a command (rad), already delayed; a command that is no number holds the angle.
-    pub fn rate(&self, state: &ServoState, command_rad: f64) -> ServoRate {
+    pub fn rate(&self, state: &ServoState, command_rad: f64, memory: &ServoMemory) -> ServoRate {
         let (angle, rate) = (state.angle_rad, state.rate_rad_s);
         let command = if command_rad.is_nan() { angle } else { command_rad };
-        let command = command.max(self.lower_rad).min(self.upper_rad);
+        let mut command = command.max(self.lower_rad).min(self.upper_rad);
         let w = self.natural_frequency_rad_s;
+        if self.friction_rad > 0.0 {
+            if command == self.lower_rad {
+                command -= self.friction_rad;
+            } else if command == self.upper_rad {
+                command += self.friction_rad;
+            }
+            let root = self.stick_over_loop();
+            let held_rad = root * (root * (angle - memory.anchor_rad) + 2.0 * rate / w);
+            command -= held_rad.clamp(-self.friction_rad, self.friction_rad);
+        }
         let linear = w * (w * (command - angle) - 2.0 * self.damping_ratio * rate);
         let k = (BARRIER_OVER_FREQUENCY * w).min(FASTEST_BARRIER_1_S);
         let stop_upper = k * (k * (self.upper_rad - angle) - 2.0 * rate);
@@ -130,8 +177,9 @@ impl Servo {
         ServoRate { rate_rad_s: rate, acceleration_rad_s2 }
     }
 
-    /// What moves behind the play, given where it was left (`held_rad`, from [`Servo::held_after`]).
-    pub fn output(&self, state: &ServoState, rate: &ServoRate, held_rad: f64) -> ServoOutput {
+    /// What moves behind the play, given where it was left.
+    pub fn output(&self, state: &ServoState, rate: &ServoRate, memory: &ServoMemory) -> ServoOutput {
+        let held_rad = memory.held_rad;
         let half = 0.5 * self.backlash_rad;
         let (low, high) = (state.angle_rad - half, state.angle_rad + half);
         if self.backlash_rad > 0.0 && held_rad > low && held_rad < high {
@@ -144,10 +192,19 @@ impl Servo {
         }
     }
 
-    /// Where the play leaves the output after a step: the memory of the hysteresis.
-    pub fn held_after(&self, state: &ServoState, held_rad: f64) -> f64 {
-        let half = 0.5 * self.backlash_rad;
-        held_rad.min(state.angle_rad + half).max(state.angle_rad - half)
+    /// Where play and friction leave the servo after a step.
+    pub fn memory_after(&self, angle_rad: f64, memory: &ServoMemory) -> ServoMemory {
+        let root = self.stick_over_loop();
+        let within = |held_rad: f64, half: f64| held_rad.min(angle_rad + half).max(angle_rad - half);
+        ServoMemory {
+            held_rad: within(memory.held_rad, 0.5 * self.backlash_rad),
+            anchor_rad: within(memory.anchor_rad, self.friction_rad / root / root),
+        }
+    }
+
+    /// Natural frequency on the friction's spring over that of the position loop, K^(1/2).
+    fn stick_over_loop(&self) -> f64 {
+        STICK_OVER_FREQUENCY.min(FASTEST_STICK_RAD_S / self.natural_frequency_rad_s)
     }
 }
 
@@ -234,6 +291,7 @@ mod tests {
         lower_rad: -0.122_173_047_6,
         upper_rad: 0.122_173_047_6,
         backlash_rad: 0.0,
+        friction_rad: 0.0,
     };
 
     impl Integrable for ServoState {
@@ -255,8 +313,10 @@ mod tests {
 
     fn moved(servo: &Servo, start: ServoState, command_rad: f64, time_s: f64, dt_s: f64) -> ServoState {
         let mut state = start;
+        let mut memory = ServoMemory::at(start.angle_rad);
         for _ in 0..(time_s / dt_s).round() as u32 {
-            state = rk4_step(&state, dt_s, |s, _| servo.rate(s, command_rad));
+            state = rk4_step(&state, dt_s, |s, _| servo.rate(s, command_rad, &memory));
+            memory = servo.memory_after(state.angle_rad, &memory);
         }
         state
     }
@@ -286,13 +346,20 @@ mod tests {
     #[test]
     fn neither_rate_limit_nor_stop_is_ever_crossed() {
         for natural_frequency_rad_s in [5.0, 50.0, 250.0, 500.0] {
-            for (damping_ratio, command) in
-                [(0.7, 10.0), (0.1, 10.0), (0.2, -0.122), (2.0, -10.0), (0.05, 0.1)]
-            {
-                let servo = Servo { natural_frequency_rad_s, damping_ratio, ..GIMBAL };
+            for (damping_ratio, command, friction_rad) in [
+                (0.7, 10.0, 0.0),
+                (0.1, 10.0, 0.02),
+                (0.2, -0.122, 0.002),
+                (2.0, -10.0, 0.1),
+                (0.05, 0.1, 0.0),
+                (0.05, 0.1, 0.01),
+            ] {
+                let servo = Servo { natural_frequency_rad_s, damping_ratio, friction_rad, ..GIMBAL };
                 let mut state = ServoState { angle_rad: -0.1 * f64::signum(command), rate_rad_s: 0.0 };
+                let mut memory = ServoMemory::at(state.angle_rad);
                 for _ in 0..5_000 {
-                    state = rk4_step(&state, 1e-3, |s, _| servo.rate(s, command));
+                    state = rk4_step(&state, 1e-3, |s, _| servo.rate(s, command, &memory));
+                    memory = servo.memory_after(state.angle_rad, &memory);
                     // What RK4 makes of the approach, exp(-k t), stays on its side of the limit.
                     assert!(
                         state.rate_rad_s.abs() <= servo.rate_limit_rad_s * (1.0 + 1e-9),
@@ -314,21 +381,77 @@ mod tests {
     }
 
     #[test]
+    fn friction_leaves_an_error_up_to_itself_and_no_greater() {
+        // The spring of the friction gives by f/K before it slips: an error e < f that builds up while the servo
+        // sticks is worn down by e/(1 + K) and no more; a greater one is left at f or, where the approach
+        // overshoots, anywhere between.
+        let friction_rad = 2e-3;
+        let servo = Servo { friction_rad, ..GIMBAL };
+        for share in [0.1, 0.5, 0.9, 0.999] {
+            let command = share * friction_rad;
+            let left = command - moved(&servo, ServoState::default(), command, 2.0, 1e-3).angle_rad;
+            let stuck = command * (1.0 - 1.0 / 26.0);
+            assert!((left - stuck).abs() < 1e-12, "{share}: {left} against {stuck}");
+        }
+        for (start, command) in [(0.0, 0.05), (0.03, 0.01), (-0.1, 0.1), (0.0, 0.003), (0.02, 0.0165)] {
+            let start = ServoState { angle_rad: start, rate_rad_s: 0.0 };
+            let end = moved(&servo, start, command, 2.0, 1e-3);
+            let error = command - end.angle_rad;
+            assert!(error.abs() <= friction_rad * (1.0 + 1e-9) && end.rate_rad_s.abs() < 1e-9, "{error}");
+        }
+        // Without it the error is worn down to nothing.
+        assert!((moved(&GIMBAL, ServoState::default(), 0.05, 2.0, 1e-3).angle_rad - 0.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn behind_a_slow_ramp_the_servo_lags_by_friction_either_way() {
+        // θ'' = 0 on a ramp of rate r: the error is the friction plus the loop's own lag, 2 ζ r/ω.
+        let servo = Servo { friction_rad: 2e-3, ..GIMBAL };
+        let lag = 2.0 * servo.damping_ratio * 0.01 / servo.natural_frequency_rad_s;
+        let (mut state, mut memory, mut command) = (ServoState::default(), ServoMemory::default(), 0.0);
+        for (rate, seconds) in [(0.01, 4), (-0.01, 8), (0.01, 8)] {
+            for _ in 0..seconds * 1000 {
+                let begin: f64 = command;
+                state =
+                    rk4_step(&state, 1e-3, |s, share| servo.rate(s, begin + rate * 1e-3 * share, &memory));
+                memory = servo.memory_after(state.angle_rad, &memory);
+                command += rate * 1e-3;
+            }
+            let error = command - state.angle_rad;
+            let expected = (servo.friction_rad + lag) * f64::signum(rate);
+            // The ramp runs half a step ahead of its samples at most: 1e-5 rad/s of 1 ms, and the anchor moves
+            // between steps, so the spring gives by a step's motion, K 1e-5 rad, less clamped.
+            assert!((error - expected).abs() < 1e-8, "{error} against {expected}");
+        }
+    }
+
+    #[test]
+    fn friction_of_a_stop_and_of_a_ball_on_its_seat_is_overcome() {
+        let servo = Servo { friction_rad: 0.01, ..GIMBAL };
+        for (start, command) in [(0.05, 0.5), (-0.05, -0.5)] {
+            let start = ServoState { angle_rad: start, rate_rad_s: 0.0 };
+            let end = moved(&servo, start, command, 2.0, 1e-3);
+            assert!((end.angle_rad.abs() - servo.upper_rad).abs() < 1e-6, "{end:?}");
+        }
+    }
+
+    #[test]
     fn a_command_that_is_no_number_holds_the_angle() {
         let state = ServoState { angle_rad: 0.05, rate_rad_s: 0.0 };
-        assert_eq!(GIMBAL.rate(&state, f64::NAN).acceleration_rad_s2, 0.0);
-        assert!(GIMBAL.rate(&state, f64::INFINITY).acceleration_rad_s2.is_finite());
+        let memory = ServoMemory::at(0.05);
+        assert_eq!(GIMBAL.rate(&state, f64::NAN, &memory).acceleration_rad_s2, 0.0);
+        assert!(GIMBAL.rate(&state, f64::INFINITY, &memory).acceleration_rad_s2.is_finite());
     }
 
     #[test]
     fn play_is_lost_on_every_reversal() {
         let servo = Servo { backlash_rad: 0.01, ..GIMBAL };
-        let mut held = 0.0;
+        let mut memory = ServoMemory::default();
         let mut at = |angle_rad: f64| {
             let state = ServoState { angle_rad, rate_rad_s: 0.3 };
-            let output = servo.output(&state, &servo.rate(&state, angle_rad), held);
-            held = servo.held_after(&state, held);
-            assert!((output.angle_rad - held).abs() < 1e-15);
+            let output = servo.output(&state, &servo.rate(&state, angle_rad, &memory), &memory);
+            memory = servo.memory_after(angle_rad, &memory);
+            assert!((output.angle_rad - memory.held_rad).abs() < 1e-15);
             (output.angle_rad, output.rate_rad_s)
         };
         assert_eq!(at(0.004), (0.0, 0.0));
@@ -336,7 +459,8 @@ mod tests {
         assert_eq!(at(0.012), (0.015, 0.0));
         assert_eq!(at(0.005), (0.010, 0.3));
         let state = ServoState { angle_rad: 0.02, rate_rad_s: 0.3 };
-        let output = GIMBAL.output(&state, &GIMBAL.rate(&state, 0.1), 0.0);
+        let memory = ServoMemory::default();
+        let output = GIMBAL.output(&state, &GIMBAL.rate(&state, 0.1, &memory), &memory);
         assert_eq!((output.angle_rad, output.rate_rad_s), (0.02, 0.3));
         assert!(output.acceleration_rad_s2 > 0.0);
     }

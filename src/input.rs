@@ -90,7 +90,7 @@ pub struct Document {
 struct Override {
     /// Dotted path in this document.
     key: String,
-    /// The key as it was given.
+    /// Where it was given: `--set KEY`, or the key of another file.
     given: String,
 }
 
@@ -133,11 +133,22 @@ impl Document {
 
     /// The same for a key that the user gave as `given`, with the file's prefix; messages quote that.
     pub fn set_given(&mut self, given: &str, key: &str, toml_value: &str) -> Result<(), InputError> {
+        self.set_from("--set", given, key, toml_value)
+    }
+
+    /// The same for a key that stands as `given` in `place`, a file or the command line.
+    pub fn set_from(
+        &mut self,
+        place: &str,
+        given: &str,
+        key: &str,
+        toml_value: &str,
+    ) -> Result<(), InputError> {
         let fault = |message: String| InputError {
-            file: "--set".to_owned(),
+            file: place.to_owned(),
             faults: vec![Fault { line: None, key: given.to_owned(), message }],
         };
-        let replaced = Override { key: key.to_owned(), given: given.to_owned() };
+        let replaced = Override { key: key.to_owned(), given: format!("{place} {given}") };
         let value = parse_value(toml_value).map_err(&fault)?;
         let mut at = &mut self.value;
         let mut parts = key.split('.').peekable();
@@ -204,7 +215,7 @@ impl Document {
                 match by {
                     Some(by) => Fault {
                         line: None,
-                        message: format!("{} (given by --set {})", fault.message, by.given),
+                        message: format!("{} (given by {})", fault.message, by.given),
                         key,
                     },
                     None => Fault { line: self.line_of(&key), message: fault.message, key },

@@ -12,6 +12,7 @@ use crate::controls::Controls;
 use crate::dynamics::aerodynamics::Aerodynamics;
 use crate::dynamics::landing_gear::{HoldDown, LandingGear};
 use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
+use crate::dynamics::mass_report::{MassReport, MassReportError};
 use crate::dynamics::slosh::{HardeningLaw, Slosh, SloshModel};
 use crate::environment::Site;
 use crate::fluid::{Isotherm, Nitrogen, Nitrous};
@@ -55,9 +56,133 @@ pub struct VehicleFile {
     /// Instruments.
     pub sensors: SensorParameters,
     /// Dry parts.
-    pub component: Vec<Component>,
+    pub component: Vec<DryPart>,
     /// Limits of the thrust demand, and the numbers of the seed paper's mode.
     pub paper_mode: PaperMode,
+}
+
+/// `[[component]]`: a dry part, by its mass properties or by the file in which a CAD program printed them.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DryPart {
+    /// Name of the part.
+    pub name: String,
+    /// Mass (kg).
+    #[schemars(range(min = 0.0, max = 10000.0))]
+    pub mass_kg: Option<f64>,
+    /// Centre of mass from the gimbal pivot (m), structural axes.
+    #[schemars(inner(inner(range(min = -20.0, max = 20.0))))]
+    pub position_m: Option<[f64; 3]>,
+    /// Inertia about the part's own centre of mass (kg m²), structural axes, tensor convention, symmetric.
+    pub inertia_kg_m2: Option<[[f64; 3]; 3]>,
+    /// Report "Mass Properties" of SolidWorks, beside the vehicle file, instead of the three keys above; its products of inertia are read with the sign that the report names.
+    pub file: Option<String>,
+    /// With `file`: the report's origin from the gimbal pivot (m), structural axes; absent: they coincide.
+    #[schemars(inner(inner(range(min = -20.0, max = 20.0))))]
+    pub origin_m: Option<[f64; 3]>,
+    /// With `file`: where the report's x, y and z axes point in the structural frame; absent: ["x", "y", "z"]. Right-handed.
+    pub axes: Option<[Axis; 3]>,
+    /// Whether the part turns with the gimbal.
+    #[serde(default)]
+    pub swings: bool,
+}
+
+/// A direction of the structural frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+pub enum Axis {
+    /// Along x, toward leg 1.
+    #[serde(rename = "x")]
+    X,
+    /// Along y.
+    #[serde(rename = "y")]
+    Y,
+    /// Along z, toward the nose.
+    #[serde(rename = "z")]
+    Z,
+    /// Against x.
+    #[serde(rename = "-x")]
+    MinusX,
+    /// Against y.
+    #[serde(rename = "-y")]
+    MinusY,
+    /// Against z, toward the nozzle.
+    #[serde(rename = "-z")]
+    MinusZ,
+}
+
+impl Axis {
+    fn direction(self) -> Vec3 {
+        match self {
+            Self::X => Vec3::x(),
+            Self::Y => Vec3::y(),
+            Self::Z => Vec3::z(),
+            Self::MinusX => -Vec3::x(),
+            Self::MinusY => -Vec3::y(),
+            Self::MinusZ => -Vec3::z(),
+        }
+    }
+}
+
+impl DryPart {
+    /// Directions of the report's axes in the structural frame, as columns.
+    fn structural_from_report(&self) -> Mat3 {
+        let axes = self.axes.unwrap_or([Axis::X, Axis::Y, Axis::Z]);
+        Mat3::from_columns(&axes.map(Axis::direction))
+    }
+
+    /// Takes over what a report says, turned into the structural frame.
+    fn import(&mut self, report: &MassReport) {
+        let turn = self.structural_from_report();
+        let origin_m = Vec3::from(self.origin_m.unwrap_or([0.0; 3]));
+        let inertia = turn * report.inertia_kg_m2 * turn.transpose();
+        self.mass_kg = Some(report.mass_kg);
+        self.position_m = Some((origin_m + turn * report.centre_m).into());
+        self.inertia_kg_m2 = Some(core::array::from_fn(|row| {
+            // Signed permutations move elements without rounding: symmetric stays symmetric.
+            core::array::from_fn(|column| inertia[(row, column)])
+        }));
+    }
+
+    /// What the keys alone can get wrong.
+    fn validate(&self) -> Result<(), Invalid> {
+        let direct = [
+            ("mass_kg", self.mass_kg.is_some()),
+            ("position_m", self.position_m.is_some()),
+            ("inertia_kg_m2", self.inertia_kg_m2.is_some()),
+        ];
+        if self.file.is_some() {
+            if let Some((key, _)) = direct.iter().find(|(_, given)| *given) {
+                return Err(Invalid::new(*key, "not beside `file`, which gives it"));
+            }
+            let turn = self.structural_from_report();
+            if (turn.determinant() - 1.0).abs() > 1e-9 {
+                return Err(Invalid::new(
+                    "axes",
+                    "not right-handed: the third axis must be the first cross the second",
+                ));
+            }
+            return Ok(());
+        }
+        if let Some((key, _)) = direct.iter().find(|(_, given)| !given) {
+            return Err(Invalid::new(*key, "missing; give mass_kg, position_m and inertia_kg_m2, or `file`"));
+        }
+        for (key, given) in [("origin_m", self.origin_m.is_some()), ("axes", self.axes.is_some())] {
+            if given {
+                return Err(Invalid::new(key, "only beside `file`"));
+            }
+        }
+        self.component()?.validate()
+    }
+
+    /// The part, structural axes.
+    fn component(&self) -> Result<Component, Invalid> {
+        let (Some(mass_kg), Some(position_m), Some(inertia_kg_m2)) =
+            (self.mass_kg, self.position_m, self.inertia_kg_m2)
+        else {
+            return Err(Invalid::new("file", format!("{}: its mass report has not been read", self.name)));
+        };
+        Ok(Component { name: self.name.clone(), mass_kg, position_m, inertia_kg_m2, swings: self.swings })
+    }
 }
 
 /// `[vehicle]`: name and throttle band.
@@ -89,6 +214,24 @@ impl VehicleFile {
         let file: Self = document.read()?;
         let faults = file.contradictions();
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
+    }
+
+    /// Components that name a mass report: their index and the file.
+    pub fn mass_reports(&self) -> Vec<(usize, String)> {
+        let named = self.component.iter().enumerate();
+        named.filter_map(|(index, part)| Some((index, part.file.clone()?))).collect()
+    }
+
+    /// Gives the component at `index` what its mass report says.
+    ///
+    /// # Errors
+    /// When the report cannot be read, or tells of a body that cannot be.
+    pub fn import_mass(&mut self, index: usize, report: &str) -> Result<(), MassReportError> {
+        let report = MassReport::parse(report)?;
+        let part = &mut self.component[index];
+        part.import(&report);
+        let possible = part.component().and_then(|component| component.validate());
+        possible.map_err(|fault| MassReportError { line: 1, message: fault.message })
     }
 
     /// What no single range can tell.
@@ -243,7 +386,10 @@ impl Vehicle {
             e => VehicleError::Table { table: Table::Map, message: e.to_string() },
         })?;
         let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
-        let mut components = file.component;
+        let parts = file.component.iter().enumerate();
+        let mut components = parts
+            .map(|(i, part)| part.component().map_err(|fault| fault.within(&format!("component.{i}"))))
+            .collect::<Result<Vec<_>, _>>()?;
         for component in &mut components {
             to_frd(&mut component.position_m);
             let inertia = Mat3::from_fn(|row, column| component.inertia_kg_m2[row][column]);
@@ -295,6 +441,7 @@ impl Vehicle {
                 lower_rad: 0.0,
                 upper_rad: valve.open_angle_rad,
                 backlash_rad: valve.backlash_rad,
+                friction_rad: valve.friction_rad,
             },
             gimbal_servo: file.gimbal.servo(),
             gimbal: file.gimbal,

@@ -54,13 +54,29 @@ impl Stand {
         self.gear.contact(&self.pads, &Self::motion(s), 0.0, &self.anchors, self.grip)
     }
 
+    /// At rest on its legs, and too inert to turn: a block that can only slide.
+    fn block(static_friction_ratio: f64) -> Self {
+        let mut stand = Self::at_height(1.0);
+        stand.gear.static_friction_ratio = static_friction_ratio;
+        stand.gear.stick_stiffness_n_m = 1e6;
+        stand.vehicle.first_moment_kg_m = Vec3::zeros();
+        stand.vehicle.inertia_kg_m2 = hopbench::frame::Mat3::identity() * 1e15;
+        stand.state.position_ned_m.z = -stand.gear.rest_height_m(stand.weight_n());
+        stand.settle();
+        stand
+    }
+
     /// One step under a thrust [N] along the body axis.
     fn step(&mut self, thrust_n: f64) {
+        self.step_under(|_, _| Vec3::new(0.0, 0.0, -thrust_n));
+    }
+
+    /// One step under a force [N] on the pivot, body axes.
+    fn step_under(&mut self, force_body_n: impl Fn(&State, f64) -> Vec3) {
         let flow = FlowTerms::none();
-        let mut next = rk4_step(&self.state, STEP_S, |s, _| {
+        let mut next = rk4_step(&self.state, STEP_S, |s, fraction| {
             let mut balance = balance(&self.vehicle, &flow, s.rate_body_rad_s);
-            let thrust = Load::at(Vec3::zeros(), Vec3::new(0.0, 0.0, -thrust_n));
-            balance.load = self.contact(s).load + thrust;
+            balance.load = self.contact(s).load + Load::at(Vec3::zeros(), force_body_n(s, fraction));
             s.rate(&accelerations(&balance), G_M_S2)
         });
         next.q_ned_from_body = next.q_ned_from_body.normalize();
@@ -165,6 +181,98 @@ fn a_sliding_vehicle_stops_after_v_squared_over_2_mu_g() {
     let slid_m = stand.state.position_ned_m.x;
     assert!((slid_m - expected_m).abs() < 2e-3, "{slid_m} against {expected_m}");
     assert!(stand.state.velocity_ned_m_s.norm() < 1e-3);
+}
+
+/// What an incline of a slope (tangent) adds to level ground: the weight's part along it, less weight on it.
+fn incline(stand: &Stand, slope: f64) -> (Vec3, f64) {
+    let angle = libm::atan(slope);
+    let (sine, cosine) = libm::sincos(angle);
+    (Vec3::new(sine, 0.0, cosine - 1.0) * stand.weight_n(), cosine)
+}
+
+/// Velocity [m/s] after so many seconds on an incline, from a kick.
+fn slid(stand: &mut Stand, slope: f64, kick_m_s: f64, seconds: u32) -> f64 {
+    let (pull, cosine) = incline(stand, slope);
+    // Legs at rest under what weight is left on them, so that the load does not swing.
+    stand.state.position_ned_m.z = -stand.gear.rest_height_m(stand.weight_n() * cosine);
+    stand.settle();
+    // And sticking springs that already bear the pull: put on at once it would swing them to twice that.
+    stand.state.position_ned_m.x = pull.x / (4.0 * stand.gear.stick_stiffness_n_m);
+    stand.state.velocity_ned_m_s.x = kick_m_s;
+    for _ in 0..seconds * 1000 {
+        stand.step_under(|_, _| pull);
+    }
+    stand.state.velocity_ned_m_s.x
+}
+
+#[test]
+fn a_block_on_an_incline_breaks_away_at_static_friction_and_slides_at_kinetic() {
+    // Friction 0.5 sliding, 0.7 at rest.
+    let ratio = 1.4;
+    for slope in [0.3, 0.55, 0.69] {
+        let mut stand = Stand::block(ratio);
+        assert!(slid(&mut stand, slope, 0.0, 3).abs() < 1e-9, "it holds at {slope}");
+        let (pull, _) = incline(&stand, slope);
+        let stretch_m = pull.x / (4.0 * stand.gear.stick_stiffness_n_m);
+        assert!((stand.state.position_ned_m.x - stretch_m).abs() < 1e-9, "it gives by its springs alone");
+    }
+    // It slides from rest above 0.7; once kicked loose from 0.5 on. Speed grows by g (sin - μ cos) a second:
+    // sliding friction is the cone's edge itself, so to rounding.
+    for (slope, kick_m_s) in [(0.71, 0.0), (1.2, 0.0), (0.55, 0.2), (0.69, 0.2)] {
+        let mut stand = Stand::block(ratio);
+        let before = slid(&mut stand, slope, kick_m_s, 1);
+        let (pull, cosine) = incline(&stand, slope);
+        for _ in 0..1000 {
+            stand.step_under(|_, _| pull);
+        }
+        let gained = stand.state.velocity_ned_m_s.x - before;
+        let expected = (slope - 0.5) * cosine * G_M_S2;
+        assert!((gained - expected).abs() < 1e-9, "{slope}: {gained} against {expected}");
+    }
+    // With one coefficient the kick changes nothing: below it the block comes to rest.
+    let mut stand = Stand::block(1.0);
+    assert!(slid(&mut stand, 0.45, 0.2, 3).abs() < 1e-9);
+}
+
+/// Least and greatest pull [N] of a spring whose far end moves at a steady speed, from 15 s on.
+fn pulled(ratio: f64, stiffness_n_m: f64, speed_m_s: f64) -> (f64, f64, u32) {
+    let mut stand = Stand::block(ratio);
+    let (mut least, mut greatest, mut breakaways, mut slid) = (f64::INFINITY, 0.0_f64, 0, false);
+    for step in 0..60_000_u32 {
+        let pull = |s: &State, fraction: f64| {
+            let end_m = speed_m_s * (f64::from(step) + fraction) * STEP_S;
+            Vec3::new(stiffness_n_m * (end_m - s.position_ned_m.x), 0.0, 0.0)
+        };
+        stand.step_under(pull);
+        let now_n = pull(&stand.state, 1.0).x;
+        if step > 15_000 {
+            (least, greatest) = (least.min(now_n), greatest.max(now_n));
+            breakaways += u32::from(stand.anchors.sliding[0] && !slid);
+        }
+        slid = stand.anchors.sliding[0];
+    }
+    (least, greatest, breakaways)
+}
+
+#[test]
+fn a_pulled_block_sticks_and_slips() {
+    // Sticking, the pull grows to μ_s W. Sliding, the block swings on the pulling spring about μ W, from (μ_s - μ) W
+    // and the relative speed V, and sticks again when it stops: the pull is then μ W - sqrt(((μ_s - μ) W)² + k m V²).
+    let (k, v) = (2000.0, 0.02);
+    let stand = Stand::block(1.4);
+    let (w, m) = (stand.weight_n(), stand.vehicle.mass_kg);
+    let (least, greatest, breakaways) = pulled(1.4, k, v);
+    let swing = ((0.2 * w) * (0.2 * w) + k * m * v * v).sqrt();
+    // The sticking springs, 2000 times stiffer, give a little: 1e-3 of the pull; k V dt = 0.04 N a step.
+    assert!((greatest - 0.7 * w).abs() < 1e-3 * w, "{greatest} against {}", 0.7 * w);
+    assert!((least - (0.5 * w - swing)).abs() < 2e-3 * w, "{least} against {}", 0.5 * w - swing);
+    // A cycle is the stick, (μ_s W - least)/(k V), and the slip, about half a period of the swing.
+    let cycle_s = (0.7 * w - least) / (k * v) + core::f64::consts::PI / (k / m).sqrt();
+    assert!((45.0 / cycle_s - f64::from(breakaways)).abs() < 1.5, "{breakaways} cycles of {cycle_s} s");
+    // With one coefficient the swing is V (k m)^(1/2) at most: it slides on.
+    let (least, greatest, _) = pulled(1.0, k, v);
+    let ripple = v * (k * m).sqrt() + 1e-3 * w;
+    assert!(greatest < 0.5 * w + ripple && least > 0.5 * w - ripple, "{least} to {greatest}");
 }
 
 #[test]

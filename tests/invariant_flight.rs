@@ -96,3 +96,24 @@ fn scripted_motion_at_five_milliseconds_is_converged() {
         }
     }
 }
+
+/// The seed paper calls its motion monotonic. Liquid and fuel leave from above and below the dry centre in turn.
+#[test]
+fn the_centre_of_mass_falls_and_rises_again() {
+    let scenario = files::scenario("hop_50m", &[]);
+    let (mut first, mut last, mut least) = (None, 0.0, (f64::MAX, 0.0));
+    watch(&scenario, |_, now| {
+        let z = now.com_structural_m.z;
+        first.get_or_insert(z);
+        last = z;
+        if z < least.0 {
+            least = (z, now.time.s());
+        }
+    });
+    let first = first.unwrap();
+    println!(
+        "centre of mass {first:.4} m at first, {:.4} m at {:.1} s, {last:.4} m at the end",
+        least.0, least.1
+    );
+    assert!(least.0 < first - 5e-3 && least.0 < last - 1e-3, "{first} {least:?} {last}");
+}

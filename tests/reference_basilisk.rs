@@ -9,7 +9,7 @@ mod motion;
 use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::*;
 use hopbench::dynamics::rigid_body::accelerations;
-use hopbench::dynamics::slosh::{Coupling, Mode, SloshState};
+use hopbench::dynamics::slosh::{Coupling, HardeningLaw, Mode, SloshState};
 use hopbench::frame::{Mat3, Vec3, point_inertia};
 use hopbench::integrator::rk4_step;
 use nalgebra::{Quaternion, Vector2};
@@ -39,7 +39,9 @@ fn deviations(case: &str) -> [f64; 5] {
         station_z_body_m: -0.62,
         stiffness_1_s2: 180.0,
         damping_rate_1_s: 0.8,
+        baffle_rate: 0.0,
         hardening_1_m2_s2: 0.0,
+        hardening_law: HardeningLaw::PerAxis,
         stop_radius_m: 1.0, // out of reach
         stop_stiffness_1_s2: 1e4,
         stop_damping_rate_1_s: 0.0,
@@ -78,7 +80,7 @@ fn deviations(case: &str) -> [f64; 5] {
             state = rk4_step(&state, 1e-3, |s, _| {
                 let mut balance = motion::balance(&vehicle, &flow, s.rate_body_rad_s);
                 balance.load = load;
-                balance.slosh = (!tumbling).then_some((&mode, &s.slosh));
+                balance.slosh = [(!tumbling).then_some((&mode, &s.slosh)), None];
                 s.rate(&accelerations(&balance), 0.0)
             });
             state.q_ned_from_body = state.q_ned_from_body.normalize();

@@ -62,7 +62,7 @@ fn the_map_between_its_lines() {
     // The map has no pressure in gamma: what CEA itself says of that is allowed.
     let spread = rows.iter().filter(|r| flown(r)).map(|r| {
         let at_20 = rows.iter().find(|other| other[0] == r[0] && other[1] == 20e5).expect("a row at 20 bar");
-        (r[6] / at_20[6] - 1.0).abs()
+        (at_20[6] / r[6] - 1.0).abs()
     });
     let gamma = 1e-4 + spread.fold(0.0, f64::max);
     // The heading of the map states 0.068 % of the impulse and 0.080 % of C*; temperature and molar mass bend

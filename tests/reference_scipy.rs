@@ -73,8 +73,8 @@ fn regression_under_a_throttled_flow() {
                 step += 1;
             }
             grow(&mut radius, at.0[0] - port_radius_m);
-            let own =
-                grain.fuel_flow_factor(port_radius_m) * libm::pow(oxidizer_kg_s, grain.regression_exponent);
+            let own = grain.regression_rate_m_s(oxidizer_kg_s, port_radius_m)
+                * grain.fuel_per_regression_kg_m(port_radius_m);
             grow(&mut flow, own / fuel_kg_s - 1.0);
             // The fuel left is that of the vehicle, which stops at burn-through; the rows stay above.
             grow(&mut mass, grain.fuel_kg(port_radius_m) - left_kg.max(0.0));
@@ -147,7 +147,7 @@ fn slosh_mode_and_its_oscillator() {
     let reference = motion::reference_vehicle();
     let tank = reference.model.tank();
     let mode =
-        |kg: f64, g: f64| reference.slosh.mode(tank, kg, motion::FULL.nitrous_density_kg_m3, g).unwrap();
+        |kg: f64, g: f64| reference.slosh.modes(tank, kg, motion::FULL.nitrous_density_kg_m3, g)[0].unwrap();
     let rows = rows::<6>(SLOSH);
     let (mut frequency, mut mass, mut station) = (0.0, 0.0, 0.0);
     for [_, kg, g, omega, slosh_kg, z_m] in rows.iter().filter(|row| row[0] == 0.0) {

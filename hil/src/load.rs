@@ -66,8 +66,15 @@ pub fn vehicle(path: &Path, overrides: &Overrides) -> Result<Vehicle, InputError
 }
 
 fn vehicle_of(path: &Path, document: &Document) -> Result<Vehicle, InputError> {
-    let file = VehicleFile::read(document)?;
+    let mut file = VehicleFile::read(document)?;
     let folder = path.parent().unwrap_or(Path::new("."));
+    for (index, name) in file.mass_reports() {
+        let report_path = folder.join(name);
+        file.import_mass(index, &text(&report_path)?).map_err(|e| InputError {
+            file: report_path.display().to_string(),
+            faults: vec![Fault { line: Some(e.line), key: String::new(), message: e.message }],
+        })?;
+    }
     let map_path = folder.join(&file.engine.map.file);
     let area_path = folder.join(&file.feed.valve.area_file);
     let (map, area) = (text(&map_path)?, text(&area_path)?);
@@ -95,6 +102,7 @@ pub fn scenario(path: &Path, overrides: &Overrides, commands: Option<&Path>) -> 
     let folder = path.parent().unwrap_or(Path::new("."));
     let vehicle_path = folder.join(&file.vehicle);
     let mut vehicle_document = document(&vehicle_path)?;
+    file.set_vehicle(flight.file(), &mut vehicle_document)?;
     for (key, value) in vehicle_overrides {
         vehicle_document.set_given(&format!("vehicle.{key}"), key, value)?;
     }

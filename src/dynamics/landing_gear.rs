@@ -5,7 +5,8 @@
 //! to its anchor, the place where it touched down, up to the Coulomb cone `μ N`. An anchor is memory:
 //! fixed within a step, so that the force is a pure function, and moved between steps
 //! ([`LandingGear::anchors_after`]): set at touchdown, dragged along when the spring would leave the cone,
-//! dropped at lift-off.
+//! dropped at lift-off. A pad that sticks breaks away at `μ_s N`, `μ_s` being `static_friction_ratio` times μ, then
+//! slides at `μ N` for as long as it moves on against its friction, and sticks again where it turns back.
 //!
 //! *Hold-down* grips the pads instead of adding a constraint ([`Grip::Held`]): the clamp pulls a foot down
 //! exactly as hard as its leg would lift it, so leg springs work in tension too and feet do not slip. The
@@ -55,12 +56,20 @@ pub struct LandingGear {
     /// Coulomb friction coefficient of a pad.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub friction_coefficient: f64,
+    /// Friction at which a sticking pad breaks away, over that of a sliding one.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1.0, max = 3.0))]
+    pub static_friction_ratio: f64,
     /// Horizontal stiffness of a leg while its pad sticks (N/m).
     #[schemars(range(min = 100.0, max = 1e6))]
     pub stick_stiffness_n_m: f64,
     /// Horizontal damping of a leg (N s/m).
     #[schemars(range(min = 0.0, max = 1e4))]
     pub stick_damping_n_s_m: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// Hold-down, the `[hold_down]` table of a vehicle file.
@@ -111,6 +120,8 @@ impl Motion {
 pub struct Anchors {
     /// One entry per leg, in their order.
     pub pad_ned_m: [Option<Vector2<f64>>; MAX_LEGS],
+    /// Whether it slides there.
+    pub sliding: [bool; MAX_LEGS],
 }
 
 impl Anchors {
@@ -200,7 +211,7 @@ impl LandingGear {
                 sideways -= (place.xy() - anchor) * self.stick_stiffness_n_m;
             }
             if !held {
-                sideways = within(sideways, self.friction_coefficient * up_n);
+                sideways = within(sideways, self.friction_limit_n(up_n, anchors.sliding[leg]));
             }
             let force_ned = Vec3::new(sideways.x, sideways.y, -up_n);
             contact.pad_force_ned_n[leg] = force_ned;
@@ -233,10 +244,17 @@ impl LandingGear {
                 (None, _) => Some(place.xy()),
                 (Some(anchor), Grip::Free) => {
                     // The spring alone may reach the cone's edge, so a pad that stops slipping sticks there.
-                    let down_m_s = motion.point_velocity_ned_m_s(pad).z;
-                    let limit_n = self.friction_coefficient * self.leg_force_n(depth_m, down_m_s).max(0.0);
-                    let stretch = within(place.xy() - anchor, limit_n / self.stick_stiffness_n_m);
-                    Some(place.xy() - stretch)
+                    let velocity = motion.point_velocity_ned_m_s(pad);
+                    let up_n = self.leg_force_n(depth_m, velocity.z).max(0.0);
+                    let limit_m = |sliding| self.friction_limit_n(up_n, sliding) / self.stick_stiffness_n_m;
+                    let stretch = place.xy() - anchor;
+                    let sliding = if anchors.sliding[leg] {
+                        velocity.xy().dot(&stretch) > 0.0
+                    } else {
+                        stretch.norm() > limit_m(false)
+                    };
+                    next.sliding[leg] = sliding;
+                    Some(place.xy() - within(stretch, limit_m(sliding)))
                 }
             };
         }
@@ -309,6 +327,12 @@ impl LandingGear {
         self.stiffness_n_m * depth_m
             + self.bottom_stiffness_n_m * (depth_m - self.stroke_m).max(0.0)
             + self.damping_n_s_m * down_m_s
+    }
+
+    /// Greatest friction of a pad under a load (N), at rest or sliding (N).
+    fn friction_limit_n(&self, up_n: f64, sliding: bool) -> f64 {
+        let ratio = if sliding { 1.0 } else { self.static_friction_ratio };
+        ratio * self.friction_coefficient * up_n
     }
 
     /// Whether no pad can reach the ground at any attitude: the quick way out in flight.

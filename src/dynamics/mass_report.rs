@@ -112,7 +112,12 @@ struct Found {
 
 impl Found {
     /// Headings open sections; they carry the units.
-    fn section_after(&mut self, section: Section, number: usize, line: &str) -> Result<Section, MassReportError> {
+    fn section_after(
+        &mut self,
+        section: Section,
+        number: usize,
+        line: &str,
+    ) -> Result<Section, MassReportError> {
         let lower = line.to_ascii_lowercase();
         if lower.starts_with("center of mass") || lower.starts_with("centre of mass") {
             self.centre_line = number;
@@ -121,14 +126,17 @@ impl Found {
         }
         if lower.starts_with("principal axes of inertia") {
             // Older versions name the unit two lines on; without it the principal moments are not checked.
-            self.principal_per_unit = parenthesis(number, line).ok().map(|unit| moment_unit(number, unit)).transpose()?;
+            self.principal_per_unit =
+                parenthesis(number, line).ok().map(|unit| moment_unit(number, unit)).transpose()?;
             return Ok(Section::Principal);
         }
         if lower.starts_with("moments of inertia") {
             self.heading = Some((number, moment_unit(number, parenthesis(number, line)?)?));
         }
         let at_centre = lower.contains("taken at the center of mass and aligned");
-        if let Some((_, per_unit_kg_m2)) = self.heading.filter(|_| at_centre || lower.contains("taken at the output")) {
+        if let Some((_, per_unit_kg_m2)) =
+            self.heading.filter(|_| at_centre || lower.contains("taken at the output"))
+        {
             let negative_notation = lower.contains("negative tensor notation");
             let moments = Moments { line: number, per_unit_kg_m2, negative_notation, value: [[None; 3]; 3] };
             if at_centre {
@@ -191,10 +199,16 @@ impl Found {
     /// Everything there, in SI units, and free of contradictions.
     fn report(&self, last: usize) -> Result<MassReport, MassReportError> {
         let Some((_, per_mass_kg, mass)) = self.mass else {
-            return Err(fault(last, "no mass: expected a line \"Mass = NUMBER UNIT\" before the other sections"));
+            return Err(fault(
+                last,
+                "no mass: expected a line \"Mass = NUMBER UNIT\" before the other sections",
+            ));
         };
         if mass.value <= 0.0 {
-            return Err(fault(self.mass.map_or(last, |m| m.0), format!("mass {}: must be positive", mass.value)));
+            return Err(fault(
+                self.mass.map_or(last, |m| m.0),
+                format!("mass {}: must be positive", mass.value),
+            ));
         }
         let (Some(per_length_m), [Some(x), Some(y), Some(z)]) = (self.per_length_m, self.centre) else {
             let message = "no centre of mass: expected \"Center of mass: ( UNIT )\" and X, Y, Z below it";
@@ -211,12 +225,20 @@ impl Found {
         self.agrees_with_principal(at_centre, inertia_kg_m2, own_digits)?;
         if let Some(at_origin) = &self.at_origin {
             if at_origin.negative_notation != at_centre.negative_notation {
-                return Err(fault(at_origin.line, "the two tables of moments are in different tensor notations"));
+                return Err(fault(
+                    at_origin.line,
+                    "the two tables of moments are in different tensor notations",
+                ));
             }
             let moved = inertia_kg_m2 + point_inertia(centre_m) * mass_kg;
             // Half a digit of each factor, carried to the product; twice for the diagonal's two squares.
             let reach_m = centre_m.abs().max();
-            let of_centre = 2.0 * 2.0 * mass_kg * reach_m * per_length_m * x.half_digit.max(y.half_digit).max(z.half_digit);
+            let of_centre = 2.0
+                * 2.0
+                * mass_kg
+                * reach_m
+                * per_length_m
+                * x.half_digit.max(y.half_digit).max(z.half_digit);
             let of_mass = 2.0 * reach_m * reach_m * per_mass_kg * mass.half_digit;
             let digits = at_origin.half_digit() + at_centre.half_digit() + of_centre + of_mass;
             let printed = at_origin.tensor("I")?;
@@ -237,7 +259,12 @@ impl Found {
     }
 
     /// The principal moments are the eigenvalues.
-    fn agrees_with_principal(&self, moments: &Moments, tensor: Mat3, digits: f64) -> Result<(), MassReportError> {
+    fn agrees_with_principal(
+        &self,
+        moments: &Moments,
+        tensor: Mat3,
+        digits: f64,
+    ) -> Result<(), MassReportError> {
         let (Some(per_unit), [Some(a), Some(b), Some(c)]) = (self.principal_per_unit, self.principal) else {
             return Ok(());
         };
@@ -269,11 +296,15 @@ impl Moments {
             for column in 0..3 {
                 let name = format!("{letter}{}{}", AXES[row], AXES[column]);
                 let Some(printed) = self.value[row][column] else {
-                    return Err(fault(self.line, format!("{name} is missing below; expected {letter}xx to {letter}zz")));
+                    return Err(fault(
+                        self.line,
+                        format!("{name} is missing below; expected {letter}xx to {letter}zz"),
+                    ));
                 };
                 let other = self.value[column][row].unwrap_or(printed);
                 if (printed.value - other.value).abs() > 2.02 * printed.half_digit.max(other.half_digit) {
-                    let message = format!("{name}: {} against {} of its mirror image", printed.value, other.value);
+                    let message =
+                        format!("{name}: {} against {} of its mirror image", printed.value, other.value);
                     return Err(fault(self.line, message));
                 }
                 let sign = if row == column || self.negative_notation { 1.0 } else { -1.0 };
@@ -303,10 +334,21 @@ fn parenthesis(number: usize, line: &str) -> Result<&str, MassReportError> {
 
 fn unit(number: usize, text: &str, known: &[(&str, f64)]) -> Result<f64, MassReportError> {
     let word = text.trim().to_ascii_lowercase().replace("metre", "meter");
-    let singular = word.strip_suffix("es").filter(|w| w.ends_with("ch")).or_else(|| word.strip_suffix('s')).unwrap_or(&word);
+    let singular = word
+        .strip_suffix("es")
+        .filter(|w| w.ends_with("ch"))
+        .or_else(|| word.strip_suffix('s'))
+        .unwrap_or(&word);
     known.iter().find(|(name, _)| *name == singular).map(|(_, si)| *si).ok_or_else(|| {
         let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
-        fault(number, format!("unit \"{}\" is not known; allowed (also in the plural): {}", text.trim(), names.join(", ")))
+        fault(
+            number,
+            format!(
+                "unit \"{}\" is not known; allowed (also in the plural): {}",
+                text.trim(),
+                names.join(", ")
+            ),
+        )
     })
 }
 
@@ -316,7 +358,8 @@ fn length_unit(number: usize, text: &str) -> Result<f64, MassReportError> {
 
 /// "grams * square millimeters", in kg m².
 fn moment_unit(number: usize, text: &str) -> Result<f64, MassReportError> {
-    let expected = || fault(number, format!("unit \"{text}\" is not known; expected \"MASS * square LENGTH\""));
+    let expected =
+        || fault(number, format!("unit \"{text}\" is not known; expected \"MASS * square LENGTH\""));
     let (mass, area) = text.split_once('*').ok_or_else(expected)?;
     let length = area.trim().strip_prefix("square").ok_or_else(expected)?;
     let length_m = length_unit(number, length)?;
@@ -362,33 +405,54 @@ mod tests {
         ];
         let mass: f64 = points.iter().map(|p| p.0).sum();
         let centre = points.iter().fold(Vec3::zeros(), |sum, (m, r)| sum + r * *m) / mass;
-        let about = |origin: Vec3| points.iter().fold(Mat3::zeros(), |sum, (m, r)| sum + point_inertia(r - origin) * *m);
+        let about = |origin: Vec3| {
+            points.iter().fold(Mat3::zeros(), |sum, (m, r)| sum + point_inertia(r - origin) * *m)
+        };
         let (own, moved) = (about(centre), about(Vec3::zeros()));
         for (mass_name, per_kg) in [("grams", 1e3), ("kilograms", 1.0), ("pounds", 1.0 / 0.453_592_37)] {
             for (length_name, per_m) in [("millimeters", 1e3), ("meters", 1.0), ("inches", 1.0 / 0.0254)] {
                 for negative in [false, true] {
                     let sign = if negative { 1.0 } else { -1.0 };
                     let rows = |letter: char, i: Mat3| {
-                        let element = |r: usize, c: usize| i[(r, c)] * if r == c { 1.0 } else { sign } * per_kg * per_m * per_m;
+                        let element = |r: usize, c: usize| {
+                            i[(r, c)] * if r == c { 1.0 } else { sign } * per_kg * per_m * per_m
+                        };
                         (0..3).fold(String::new(), |text, r| {
-                            let row = (0..3).map(|c| format!("\t{letter}{}{} = {:.9}", AXES[r], AXES[c], element(r, c)));
+                            let row = (0..3)
+                                .map(|c| format!("\t{letter}{}{} = {:.9}", AXES[r], AXES[c], element(r, c)));
                             text + &row.collect::<String>() + "\n"
                         })
                     };
-                    let notation = if negative { " (Using negative tensor notation.)" } else { " (Using positive tensor notation.)" };
+                    let notation = if negative {
+                        " (Using negative tensor notation.)"
+                    } else {
+                        " (Using positive tensor notation.)"
+                    };
                     let text = format!(
                         "Mass properties of part\n\nMass = {:.9} {mass_name}\n\nCenter of mass: ( {length_name} )\n\tX = {:.9}\n\tY = {:.9}\n\tZ = {:.9}\n\n\
                          Moments of inertia: ( {mass_name} *  square {length_name} )\nTaken at the center of mass and aligned with the output coordinate system.{notation}\n{}\n\
                          Moments of inertia: ( {mass_name} *  square {length_name} )\nTaken at the output coordinate system.{notation}\n{}",
-                        mass * per_kg, centre.x * per_m, centre.y * per_m, centre.z * per_m, rows('L', own), rows('I', moved)
+                        mass * per_kg,
+                        centre.x * per_m,
+                        centre.y * per_m,
+                        centre.z * per_m,
+                        rows('L', own),
+                        rows('I', moved)
                     );
                     let report = MassReport::parse(&text).unwrap();
                     // Nine decimals, in kg m2 or finer.
                     assert!((report.mass_kg - mass).abs() < 1e-9 && (report.centre_m - centre).norm() < 1e-9);
-                    assert!((report.inertia_kg_m2 - own).abs().max() < 2e-9, "{mass_name} {length_name} {negative}");
+                    assert!(
+                        (report.inertia_kg_m2 - own).abs().max() < 2e-9,
+                        "{mass_name} {length_name} {negative}"
+                    );
 
                     // The other notation on the same numbers is found out by the parallel-axis terms.
-                    let wrong = if negative { text.replace("negative", "positive") } else { text.replace("positive", "negative") };
+                    let wrong = if negative {
+                        text.replace("negative", "positive")
+                    } else {
+                        text.replace("positive", "negative")
+                    };
                     let error = MassReport::parse(&wrong).unwrap_err().to_string();
                     assert!(error.contains("tensor notation"), "{error}");
                 }
@@ -405,14 +469,22 @@ mod tests {
 
     #[test]
     fn faults_name_the_line_and_what_is_allowed() {
-        let refused = |from: &str, to: &str| MassReport::parse(&FRAME.replace(from, to)).unwrap_err().to_string();
+        let refused =
+            |from: &str, to: &str| MassReport::parse(&FRAME.replace(from, to)).unwrap_err().to_string();
         let stones = refused("15660.000000 grams", "2.466 stones");
-        assert!(stones.starts_with("line 6: unit \"stones\" is not known; allowed") && stones.contains("pound"), "{stones}");
-        assert!(refused("X = 20.000000", "X = 20,000000").contains("line 13: X: \"20,000000\" is not a number"));
+        assert!(
+            stones.starts_with("line 6: unit \"stones\" is not known; allowed") && stones.contains("pound"),
+            "{stones}"
+        );
+        assert!(
+            refused("X = 20.000000", "X = 20,000000").contains("line 13: X: \"20,000000\" is not a number")
+        );
         assert!(refused("Lzz", "Lzq").contains("Lzz is missing"));
         assert!(refused("Mass = ", "Masse = ").contains("no mass"));
         assert!(refused("Center of mass: (", "Centroid: (").contains("no centre of mass"));
-        assert!(refused("grams *  square millimeters", "grams * millimeters").contains("MASS * square LENGTH"));
+        assert!(
+            refused("grams *  square millimeters", "grams * millimeters").contains("MASS * square LENGTH")
+        );
         assert!(refused("Px = 22", "Px = 29").contains("principal moments contradict"));
         assert!(MassReport::parse("").unwrap_err().to_string().contains("no mass"));
     }

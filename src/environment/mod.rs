@@ -9,6 +9,7 @@ pub mod geodesy;
 pub mod gravity;
 pub mod magnetic_field;
 pub mod terrain;
+pub mod turbulence;
 pub mod wind;
 
 use schemars::JsonSchema;
@@ -31,7 +32,7 @@ pub struct Environment {
     pub atmosphere: Atmosphere,
     /// Acceleration of free fall.
     pub gravity: Gravity,
-    /// Mean wind and gusts.
+    /// Mean wind, turbulence and gusts.
     pub wind: Wind,
     /// Height of the ground.
     pub terrain: Terrain,
@@ -42,16 +43,16 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Evaluates the magnetic model once; everything else is cheap arithmetic.
+    /// Evaluates the magnetic model once; everything else is cheap arithmetic. Turbulence follows from the seed.
     ///
     /// # Errors
     /// When `site` or `wind` contradicts itself or leaves the validity of its models.
-    pub fn new(site: &Site, wind: &WindParameters) -> Result<Self, Invalid> {
+    pub fn new(site: &Site, wind: &WindParameters, seed: u64) -> Result<Self, Invalid> {
         wind.validate().map_err(|invalid| invalid.within("wind"))?;
         Ok(Self {
             atmosphere: Atmosphere::new(site),
             gravity: Gravity { magnitude_m_s2: site.gravity_m_s2 },
-            wind: Wind::new(wind),
+            wind: Wind::new(wind, seed),
             terrain: Terrain,
             datum: Datum::new(
                 site.latitude_deg.to_radians(),

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::{Demand, Plant};
-use crate::actuator::StrokeValve;
+use crate::actuator::{ServoMemory, StrokeValve};
 use crate::dynamics::landing_gear::Grip;
 use crate::frame::Vec3;
 use crate::propulsion::{BelowMinimum, EngineCondition};
@@ -45,7 +45,7 @@ impl Plant {
         if self.options.ideal {
             held.valve_command_rad = valve_rad;
             self.state.valve_rad = valve_rad;
-            held.valve_play_rad = valve_rad;
+            held.valve_memory = ServoMemory::at(valve_rad);
             self.state.rcs_level = Vec3::new((-roll).max(0.0), roll.max(0.0), 0.0);
         } else {
             held.valve_delay.push(now, valve_rad);
@@ -55,7 +55,7 @@ impl Plant {
         if self.options.ideal_gimbal {
             held.gimbal_command_rad = Vector2::from(gimbal);
             self.state.gimbal_rad = Vec3::new(gimbal[0], gimbal[1], 0.0);
-            held.gimbal_play_rad = held.gimbal_command_rad;
+            held.gimbal_memory = gimbal.map(ServoMemory::at);
         } else {
             held.gimbal_delay.push(now, gimbal);
             held.gimbal_command_rad = Vector2::from(held.gimbal_delay.at(now));

@@ -47,6 +47,7 @@ impl Plant {
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
+    #[inline(always)] // so that a stage computes nothing but its rate
     pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
         let (vehicle, held) = (&self.vehicle, &self.held);
 
@@ -119,7 +120,8 @@ impl Plant {
         // Loads.
         let motion = motion(state);
         let body_from_ned = motion.ned_from_body.transpose();
-        let wind_ned_m_s = self.environment.wind.velocity_ned_m_s(self.mission_s_at(share));
+        let wind_ned_m_s =
+            self.environment.wind.velocity_ned_m_s(self.mission_s_at(share), -state.position_ned_m.z);
         let airspeed_body = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
         let drag = vehicle.aero.drag(
             self.environment.atmosphere.density_kg_m3,
@@ -131,11 +133,13 @@ impl Plant {
         } else {
             Contact::NONE
         };
-        let thrust = Load {
-            force_body_n: rigid_body::thrust_direction_body(gimbal.angle_rad) * engine.thrust_n,
-            moment_body_n_m: Vec3::zeros(),
-        };
+        let disturbed = &held.disturbed;
+        let thrust_line =
+            rigid_body::thrust_direction_body(gimbal.angle_rad + Vector2::from(disturbed.misalignment_rad));
+        let [offset_x, offset_y] = disturbed.thrust_offset_m;
+        let thrust = Load::at(Vec3::new(offset_x, offset_y, 0.0), thrust_line * engine.thrust_n);
         let load = thrust
+            + Load { force_body_n: disturbed.force_body_n, moment_body_n_m: disturbed.moment_body_n_m }
             + Load { force_body_n: thrusters.force_body_n, moment_body_n_m: thrusters.moment_body_n_m }
             + drag
             + contact.load;
@@ -258,15 +262,18 @@ impl Plant {
     /// What the engine does with this much valve area open, `share` of a step on.
     fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> OperatingPoint {
         let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
-        match &self.paper {
+        let mut point = match &self.paper {
             None => {
                 let guess = self.held.guess_at(share);
                 engine.operating_point(feed, valve_area_m2, &self.condition(state), guess)
             }
-            Some(paper) => paper.point.unwrap_or_else(|| {
-                paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state))
-            }),
-        }
+            Some(paper) => match paper.point {
+                Some(held) => return held,
+                None => paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)),
+            },
+        };
+        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n);
+        point
     }
 
     /// Time in which a nearly empty store gives what it has (s): a few steps.
@@ -291,8 +298,9 @@ impl Plant {
         }
         let servo = &self.vehicle.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
-        let rate = servo.rate(&at, self.held.valve_command_rad);
-        let output = servo.output(&at, &rate, self.held.valve_play_rad);
+        let memory = &self.held.valve_memory;
+        let rate = servo.rate(&at, self.held.valve_command_rad, memory);
+        let output = servo.output(&at, &rate, memory);
         (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
     }
 
@@ -305,8 +313,9 @@ impl Plant {
         let servo = &self.vehicle.gimbal_servo;
         let axis = |axis: usize| {
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
-            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis]);
-            (servo.output(&at, &rate, self.held.gimbal_play_rad[axis]), rate)
+            let memory = &self.held.gimbal_memory[axis];
+            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis], memory);
+            (servo.output(&at, &rate, memory), rate)
         };
         let ((x, x_rate), (y, y_rate)) = (axis(0), axis(1));
         let motion = GimbalMotion {

@@ -1,7 +1,7 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, Settled, State, motion};
-use crate::actuator::ServoState;
+use super::{Evaluation, Plant, PlantEvent, Settled, State, motion};
+use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::propulsion::FlameConditions;
 
@@ -20,8 +20,29 @@ const SEATED_RAD: f64 = 1e-3;
 const SEATED_RAD_S: f64 = 0.1;
 
 impl Plant {
+    /// Turbulence and disturbances move on by a time (s).
+    pub(super) fn disturb(&mut self, dt_s: f64) {
+        let state = &self.state;
+        self.environment.wind.advance(dt_s, -state.position_ned_m.z, state.velocity_ned_m_s);
+        let (time, mission_s, events) = (self.time, self.mission_s(), &mut self.events);
+        self.held.disturbed = self.disturbances.advance(dt_s, mission_s, |name, begins| {
+            let detail = format!("{name} {}", if begins { "begins" } else { "ends" });
+            events.push(PlantEvent { time, name: "disturbance", detail: detail.trim_start().to_owned() });
+        });
+    }
+
     /// Discrete events after a step.
     pub(super) fn settle(&mut self) {
+        // Play and friction: before the evaluation, which begins the next step.
+        let state = &self.state;
+        if state.valve_rad > 0.0 {
+            self.held.valve_memory =
+                self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
+        }
+        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
+            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
+        }
+
         let now = self.evaluate(&self.state, 0.0);
         self.settled = Some(Settled { state: self.state, inputs: self.inputs(&self.state), rate: now.rate });
         self.snapshot = self.snapshot_of(&now);
@@ -50,21 +71,7 @@ impl Plant {
         {
             self.state.valve_rad = 0.0;
             self.state.valve_rad_s = 0.0;
-            self.held.valve_play_rad = 0.0;
-        }
-
-        // Play.
-        let state = &self.state;
-        let at = |angle_rad: f64| ServoState { angle_rad, rate_rad_s: 0.0 };
-        if state.valve_rad > 0.0 {
-            self.held.valve_play_rad =
-                self.vehicle.valve_servo.held_after(&at(state.valve_rad), self.held.valve_play_rad);
-        }
-        for axis in 0..2 {
-            self.held.gimbal_play_rad[axis] = self
-                .vehicle
-                .gimbal_servo
-                .held_after(&at(state.gimbal_rad[axis]), self.held.gimbal_play_rad[axis]);
+            self.held.valve_memory = ServoMemory::default();
         }
 
         self.settle_flame(&now);

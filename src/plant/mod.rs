@@ -25,7 +25,8 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::DelayLine;
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
@@ -46,9 +47,6 @@ use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
 
-/// The plant's step, unless a test asks for another.
-pub const STEP: SimTime = SimTime::from_us(1_000);
-
 /// The vehicle in its world.
 pub struct Plant {
     vehicle: Vehicle,
@@ -61,6 +59,7 @@ pub struct Plant {
     time: SimTime,
     state: State,
     held: Held,
+    disturbances: Disturbances,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
@@ -127,18 +126,19 @@ struct Held {
     gimbal_command_rad: Vector2<f64>,
     valve_delay: DelayLine<f64>,
     gimbal_delay: DelayLine<[f64; 2]>,
-    /// Angles behind the play (rad).
-    valve_play_rad: f64,
-    gimbal_play_rad: Vector2<f64>,
+    /// Play and friction of the servos.
+    valve_memory: ServoMemory,
+    gimbal_memory: [ServoMemory; 2],
     /// Openings, 0 shut to 1 open.
     isolation: f64,
     vent: f64,
     grip: Grip,
     anchors: Anchors,
     feed: FeedMap,
-    /// Where the engine's solver looks first, and how that moved in the last step.
+    /// Where the engine's solver looks first, and the first and second differences per step of its two
+    /// pressures (Pa), injector inlet and chamber.
     guess: Guess,
-    guess_trend: Guess,
+    trend_pa: [[f64; 2]; 2],
     modulator: Modulator,
     /// Share of the step in which the valves of each thruster pair are open.
     rcs_open: PairLevels,
@@ -156,30 +156,33 @@ struct Held {
     saturated: Option<SimTime>,
     /// The balance of momentum had no solution.
     singular: bool,
+    /// What disturbs the vehicle.
+    disturbed: Effect,
 }
 
 impl Held {
-    /// Where the solver looks first, `share` of a step on: as it moved in the last step.
+    /// Where the solver looks first, `share` of a step on: as it moved in the last steps.
     fn guess_at(&self, share: f64) -> Guess {
-        Guess {
-            injector_inlet_pa: self.guess.injector_inlet_pa + share * self.guess_trend.injector_inlet_pa,
-            log_chamber_pressure: self.guess.log_chamber_pressure
-                + share * self.guess_trend.log_chamber_pressure,
-            ..self.guess
-        }
+        let mut guess = self.guess;
+        let (first, second) = (share, 0.5 * share * (share + 1.0));
+        let [inlet, chamber] = &self.trend_pa;
+        guess.injector_inlet_pa += first * inlet[0] + second * inlet[1];
+        guess.near.pressure.pa += first * chamber[0] + second * chamber[1];
+        guess
     }
 
     /// Takes in the solution at the end of a step.
     fn look_from(&mut self, next: Guess) {
         let settled = self.guess.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
-        self.guess_trend = if settled {
-            Guess {
-                injector_inlet_pa: next.injector_inlet_pa - self.guess.injector_inlet_pa,
-                log_chamber_pressure: next.log_chamber_pressure - self.guess.log_chamber_pressure,
-                slope_kg_s_pa: 0.0,
-            }
+        let before = [self.guess.injector_inlet_pa, self.guess.near.pressure.pa];
+        let now = [next.injector_inlet_pa, next.near.pressure.pa];
+        self.trend_pa = if settled {
+            std::array::from_fn(|k| {
+                let first = now[k] - before[k];
+                [first, first - self.trend_pa[k][0]]
+            })
         } else {
-            Guess::default()
+            Default::default()
         };
         self.guess = next;
     }
@@ -224,7 +227,15 @@ impl Plant {
     /// # Errors
     /// When the initial state contradicts the vehicle.
     pub fn new(scenario: &Scenario) -> Result<Self, Invalid> {
-        Self::with_step(scenario, STEP)
+        Self::seeded(scenario, scenario.file.seed)
+    }
+
+    /// The same under a seed that replaces the scenario's: turbulence and noisy disturbances follow from it.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn seeded(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
+        Self::at_step_zero(scenario, seed, SimTime::from_s(scenario.file.physics.step_s))
     }
 
     /// One step under a command: the block diagram.
@@ -237,14 +248,21 @@ impl Plant {
             let first = self.first_rate();
             self.state = match self.options.integrator {
                 IntegratorKind::Rk4 => {
-                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.evaluate(state, share).rate)
+                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.rate(state, share))
                 }
                 IntegratorKind::Euler => self.state.advanced(&first, dt_s),
             };
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
+        self.disturb(self.step.s());
         self.settle();
+    }
+
+    /// The rate alone: what else an evaluation finds need not be stored.
+    #[inline(never)]
+    fn rate(&self, state: &State, share: f64) -> Rate {
+        self.evaluate(state, share).rate
     }
 
     /// Rate at the beginning of a step.
@@ -258,7 +276,7 @@ impl Plant {
                 );
                 settled.rate
             }
-            None => self.evaluate(&self.state, 0.0).rate,
+            None => self.rate(&self.state, 0.0),
         }
     }
 

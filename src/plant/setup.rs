@@ -6,7 +6,8 @@ use super::freeze::Frozen;
 use super::paper::Paper;
 use super::sequence::Sequence;
 use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
-use crate::actuator::DelayLine;
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
 use crate::environment::Environment;
 use crate::frame::{self, Vec3};
@@ -25,6 +26,11 @@ impl Plant {
     /// # Errors
     /// As [`Plant::new`].
     pub fn with_step(scenario: &Scenario, step: SimTime) -> Result<Self, Invalid> {
+        Self::at_step_zero(scenario, scenario.file.seed, step)
+    }
+
+    pub(super) fn at_step_zero(scenario: &Scenario, seed: u32, step: SimTime) -> Result<Self, Invalid> {
+        let seed = u64::from(seed);
         let vehicle = scenario.vehicle.clone();
         let start = &scenario.file.initial;
         let running = start.engine == EngineStart::Running;
@@ -75,7 +81,7 @@ impl Plant {
                 format!("{throat_radius_m} is out of range; allowed up to {widest_m:.6}, short of the exit"),
             ));
         }
-        let environment = Environment::new(&scenario.site, &scenario.file.wind)?;
+        let environment = Environment::new(&scenario.site, &scenario.file.wind, seed)?;
         let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
         let q = start.q_ned_from_body;
         let state = State {
@@ -115,15 +121,15 @@ impl Plant {
                     [0.0; 2],
                     step,
                 ),
-                valve_play_rad: 0.0,
-                gimbal_play_rad: Vector2::zeros(),
+                valve_memory: ServoMemory::default(),
+                gimbal_memory: [ServoMemory::default(); 2],
                 isolation: if running { 1.0 } else { 0.0 },
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
                 anchors: Anchors::default(),
                 feed: FeedMap::new(nitrogen.tank_pa, vehicle.tank.temperature_k),
                 guess: Guess::default(),
-                guess_trend: Guess::default(),
+                trend_pa: Default::default(),
                 modulator: Modulator::default(),
                 rcs_open: PairLevels::default(),
                 demand: Demand {
@@ -141,7 +147,9 @@ impl Plant {
                 bottle_low: false,
                 saturated: None,
                 singular: false,
+                disturbed: Effect::default(),
             },
+            disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
             snapshot: Snapshot::default(),
@@ -163,6 +171,7 @@ impl Plant {
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
             plant.run_steady(schedule.at(SimTime::ZERO));
         }
+        plant.disturb(0.0);
         plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
         Ok(plant)
     }
@@ -234,7 +243,7 @@ impl Plant {
         self.obey(command);
         self.state.valve_rad = self.held.demand.valve_rad;
         self.held.valve_command_rad = self.held.demand.valve_rad;
-        self.held.valve_play_rad = self.held.demand.valve_rad;
+        self.held.valve_memory = ServoMemory::at(self.held.demand.valve_rad);
         self.held.valve_delay = DelayLine::for_interval(
             SimTime::from_s(self.vehicle.valve_delay_s),
             self.state.valve_rad,

@@ -24,10 +24,12 @@ macro_rules! state {
         impl Integrable for State {
             type Rate = Rate;
 
+            #[inline]
             fn advanced(&self, rate: &Rate, dt_s: f64) -> Self {
                 Self { $($field: self.$field + rate.$field * dt_s,)* }
             }
 
+            #[inline]
             fn rk4_mean(k1: &Rate, k2: &Rate, k3: &Rate, k4: &Rate) -> Rate {
                 Rate {
                     $($field: (k1.$field + (k2.$field + k3.$field) * 2.0 + k4.$field) * (1.0 / 6.0),)*

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::combustion::{CombustionMap, Mixture};
 use super::nozzle::{ChamberPressure, PerfectGas, Throat};
+use crate::interpolate::Anchor;
 
 /// Universal gas constant (J/(mol K)).
 const UNIVERSAL_GAS: f64 = 8.314_462_618;
@@ -81,31 +82,47 @@ impl ColdGas {
 
 /// Steady chamber pressure for a mixture, from `choked_per_c_star` = ṁ η/(A_t C_d) (Pa s/m).
 ///
-/// `log_guess` is ln(Pc/P_ref) near the answer.
+/// `near` is where to look first, and is left at the answer.
 #[inline]
 pub fn steady_pressure(
     map: &CombustionMap,
     mixture: &Mixture<'_>,
     choked_per_c_star: f64,
     ambient_pa: f64,
-    log_guess: f64,
+    near: &mut NearPressure,
 ) -> ChamberPressure {
-    let mut log = log_guess;
+    let mut pa = if near.pa > 0.0 { near.pa } else { choked_per_c_star * mixture.c_star_m_s(0.0) };
+    let mut log = 0.0;
     for _ in 0..PASSES {
+        log = map.log_pressure_near(pa, &mut near.log);
         let c_star = mixture.c_star_m_s(log);
-        let next = map.log_pressure(choked_per_c_star * c_star);
-        let change = (next - log) / (1.0 - mixture.c_star_exponent(c_star));
-        log += change;
-        // Newton on a function this straight: the error left is (change · k/c*)², below round-off.
-        if change.abs() < 1e-7 {
+        let change = (choked_per_c_star * c_star - pa) / (1.0 - mixture.c_star_exponent(c_star));
+        let share = change / pa;
+        // Where the guess was far too high Newton's chord may overshoot: the pressure stays positive.
+        pa = (pa + change).max(0.1 * pa);
+        // Newton on a function this straight: the error left is (share · k/c*)², below round-off.
+        if share.abs() < 1e-7 {
+            log += share;
             break;
         }
     }
     let pa = choked_per_c_star * mixture.c_star_m_s(log);
-    if pa >= SURELY_CHOKED * ambient_pa {
-        return ChamberPressure { pa, log };
-    }
-    near_ambient(map, mixture, choked_per_c_star, ambient_pa)
+    let pressure = if pa >= SURELY_CHOKED * ambient_pa {
+        ChamberPressure { pa, log }
+    } else {
+        near_ambient(map, mixture, choked_per_c_star, ambient_pa)
+    };
+    near.pa = pressure.pa;
+    pressure
+}
+
+/// A chamber pressure near the answer, and the logarithm of one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearPressure {
+    /// Pressure (Pa); 0: not known.
+    pub pa: f64,
+    /// ln(P/P_ref) of the map near there.
+    pub log: Anchor,
 }
 
 /// (11S): the throat may be unchoked.
@@ -168,6 +185,7 @@ pub fn held_pressure(
     gas_kg: f64,
     vessel: &Vessel,
     throat: &Throat,
+    near: &mut NearPressure,
 ) -> HeldGas {
     let f = vessel.burning_fraction;
     let cold_rt = vessel.cold.gas_constant_temperature_j_kg();
@@ -180,7 +198,7 @@ pub fn held_pressure(
         let next = per_rt_pa * (f * hot_rt + (1.0 - f) * cold_rt);
         let change = next - pa;
         pa = next;
-        log = map.log_pressure(pa.max(1.0));
+        log = map.log_pressure_near(pa.max(1.0), &mut near.log);
         if change.abs() <= 1e-13 * pa {
             break;
         }

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::interpolate::{
-    Monotone, Place,
+    Anchor, Monotone, Place, log_near,
     table::{Table, TableError},
 };
 
@@ -50,7 +50,7 @@ const LOG_RANGE: f64 = 3.0;
 #[derive(Clone, Debug)]
 pub struct CombustionMap {
     products: Monotone<9>,
-    reference_pa: f64,
+    per_reference_pa: f64,
     gamma_span: (f64, f64),
 }
 
@@ -87,7 +87,11 @@ impl CombustionMap {
             table.rows.iter().map(|(_, row)| std::array::from_fn(|k| row[k + 1])).collect();
         let gammas = rows.iter().map(|row| row[GAMMA]);
         let gamma_span = gammas.fold((f64::MAX, f64::MIN), |(low, high), g| (g.min(low), g.max(high)));
-        Ok(Self { products: Monotone::new(&knots, &rows), reference_pa: reference_pressure_pa, gamma_span })
+        Ok(Self {
+            products: Monotone::new(&knots, &rows),
+            per_reference_pa: 1.0 / reference_pressure_pa,
+            gamma_span,
+        })
     }
 
     /// Products at a mixture ratio, clamped to the table.
@@ -101,7 +105,13 @@ impl CombustionMap {
     /// ln(P/P_ref), the variable of pressure.
     #[inline]
     pub fn log_pressure(&self, pressure_pa: f64) -> f64 {
-        libm::log(pressure_pa / self.reference_pa)
+        libm::log(pressure_pa * self.per_reference_pa)
+    }
+
+    /// The same by a series where that serves.
+    #[inline]
+    pub fn log_pressure_near(&self, pressure_pa: f64, anchor: &mut Anchor) -> f64 {
+        log_near(pressure_pa * self.per_reference_pa, anchor)
     }
 
     /// Least and greatest isentropic exponent; the interpolant does not leave them.

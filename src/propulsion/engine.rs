@@ -7,7 +7,9 @@
 
 use core::f64::consts::PI;
 
-use super::chamber::{Chamber, ChamberGas, ChamberGasRate, ColdGas, Vessel, held_pressure, steady_pressure};
+use super::chamber::{
+    Chamber, ChamberGas, ChamberGasRate, ColdGas, NearPressure, Vessel, held_pressure, steady_pressure,
+};
 use super::combustion::{CombustionMap, Mixture};
 use super::feed_map::FeedMap;
 use super::grain::Grain;
@@ -15,7 +17,7 @@ use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, 
 use super::valve::ValveArea;
 use super::{EngineParameters, FeedParameters, PaperMode};
 use crate::input::Invalid;
-use crate::interpolate::{Bracket, RootStatus, bracketed_root, table::TableError};
+use crate::interpolate::{Anchor, Bracket, Power, RootStatus, bracketed_root, table::TableError};
 
 /// What is reported of a mixture with hardly any fuel; far beyond every map.
 const GREATEST_OF_RATIO: f64 = 1e6;
@@ -38,8 +40,10 @@ pub enum EngineError {
 #[derive(Clone, Debug)]
 pub struct Engine {
     grain: Grain,
+    regression: Power,
     chamber: Chamber,
     nozzle: Nozzle,
+    erosion: Power,
     cold_flow_isp_s: f64,
     cold: ColdGas,
     map: CombustionMap,
@@ -75,8 +79,19 @@ pub struct Guess {
     pub injector_inlet_pa: f64,
     /// Slope of the flow balance there (kg/(s Pa)).
     pub slope_kg_s_pa: f64,
-    /// ln(Pc/P_ref).
-    pub log_chamber_pressure: f64,
+    /// In the chamber.
+    pub near: Near,
+}
+
+/// What the chamber was like, so that what it is like now is a short way off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Near {
+    /// Chamber pressure of what burns.
+    pub pressure: NearPressure,
+    /// Flux in the ports to the exponent of regression.
+    pub regression: Anchor,
+    /// Chamber pressure to the exponent of erosion.
+    pub erosion: Anchor,
 }
 
 /// The engine's answer.
@@ -125,7 +140,10 @@ pub(super) struct Setting<'a> {
     pub(super) engine: &'a Engine,
     condition: &'a EngineCondition,
     throat: Throat,
-    fuel_factor: f64,
+    /// Oxidiser flux in the ports per flow (1/m²).
+    flux_per_flow_1_m2: f64,
+    /// Fuel flow per flux to the exponent of regression.
+    fuel_per_regression: f64,
     /// Pc per flow and c*: η/(A_t C_d).
     per_c_star: f64,
     /// The same of unburnt gas: 1/(A_t C_d).
@@ -163,8 +181,10 @@ impl Engine {
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
             grain: engine.grain.clone(),
+            regression: Power::new(engine.grain.regression_exponent),
             chamber: engine.chamber.clone(),
             nozzle: engine.nozzle.clone(),
+            erosion: Power::new(engine.nozzle.erosion_exponent),
             cold_flow_isp_s: engine.ignition.cold_flow_isp_s,
             cold: ColdGas { c_star_m_s: engine.ignition.cold_flow_c_star_m_s },
             full_above: engine.nozzle.surely_full_above(map.gamma_span()),
@@ -192,10 +212,11 @@ impl Engine {
                 oxidizer_flow_limit_kg_s: f64::INFINITY,
             };
             let setting = self.setting(&condition);
+            let mut near = Near::default();
             let mut before_n = 0.0;
             for i in 0..=SAMPLES {
                 let flow_kg_s = least + (most - least) * f64::from(i) / f64::from(SAMPLES);
-                let hot = setting.burning(flow_kg_s, 0.0);
+                let hot = setting.burning(flow_kg_s, &mut near);
                 let (thrust_n, _) = setting.thrust(flow_kg_s, &hot);
                 if thrust_n <= before_n {
                     let of = hot.of_ratio;
@@ -243,7 +264,7 @@ impl Engine {
 
     /// Growth of the throat (m/s) at a chamber pressure.
     pub(super) fn erosion_m_s(&self, condition: &EngineCondition, chamber_pa: f64) -> f64 {
-        self.setting(condition).erosion_m_s(chamber_pa)
+        self.setting(condition).erosion_m_s(chamber_pa, &mut Near::default())
     }
 
     /// The engine without flow, quasi-steady.
@@ -256,7 +277,7 @@ impl Engine {
             chamber_gas: None,
             oxidizer_flow_limit_kg_s: 0.0,
         };
-        self.setting(&condition).closed(None)
+        self.setting(&condition).closed(None, Near::default())
     }
 
     /// Gas of a chamber at rest: unburnt, at ambient pressure.
@@ -275,16 +296,16 @@ impl Engine {
         guess: Guess,
     ) -> OperatingPoint {
         let setting = self.setting(condition);
-        let held = condition.chamber_gas.map(|gas| setting.held(gas));
+        let mut near = guess.near;
+        let held = condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
         let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
         let tank_pa = feed.tank().pressure_pa;
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
         let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
         if !(valve_m2 > 0.0 && limit_kg_s > 0.0 && tank_pa > least_pa) {
-            return setting.closed(held);
+            return setting.closed(held, near);
         }
 
-        let mut log = guess.log_chamber_pressure;
         let mut oxidizer_kg_s = 0.0;
         let (mut inlet, mut hot) = (None, None);
         // Flow that the injector would pass less flow that the valve gives: rises with P2.
@@ -294,7 +315,7 @@ impl Engine {
             let chamber_pa = match &held {
                 Some(held) => held.pressure.pa,
                 None => {
-                    hot = setting.burning_share_of(oxidizer_kg_s, &mut log);
+                    hot = setting.burning_share_of(oxidizer_kg_s, &mut near);
                     setting.mixed_pa(oxidizer_kg_s, hot.as_ref())
                 }
             };
@@ -311,7 +332,7 @@ impl Engine {
         };
         let root = bracketed_root(bracket, balance);
         let quality = inlet.map_or(0.0, |inlet| inlet.quality);
-        let next = Guess { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, log_chamber_pressure: log };
+        let next = Guess { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, near };
         let found = Found {
             injector_inlet_pa: root.x,
             quality,
@@ -340,7 +361,9 @@ impl Engine {
                 ambient_pa: condition.ambient_pa,
                 full_above: if fresh { self.full_above } else { f64::INFINITY },
             },
-            fuel_factor: self.grain.fuel_flow_factor(port_radius_m),
+            flux_per_flow_1_m2: self.grain.flux_per_flow_1_m2(port_radius_m),
+            fuel_per_regression: self.grain.fuel_per_regression_kg_m(port_radius_m)
+                * self.grain.regression_coefficient_si,
             per_c_star: self.chamber.c_star_efficiency * per_cold_c_star,
             per_cold_c_star,
         }
@@ -376,15 +399,22 @@ struct Held<'a> {
 impl<'a> Setting<'a> {
     /// Steady state of an oxidiser flow that burns altogether.
     #[inline]
-    pub(super) fn burning(&self, oxidizer_kg_s: f64, log_guess: f64) -> Burning<'a> {
-        let exponent = self.engine.grain.regression_exponent;
-        let fuel_kg_s = self.fuel_factor * libm::exp(exponent * libm::log(oxidizer_kg_s));
+    pub(super) fn burning(&self, oxidizer_kg_s: f64, near: &mut Near) -> Burning<'a> {
+        let fuel_kg_s = self.steady_fuel_kg_s(oxidizer_kg_s, near);
         let of_ratio = oxidizer_kg_s / fuel_kg_s;
         let mixture = self.engine.map.mixture(of_ratio);
         let per_c_star = (oxidizer_kg_s + fuel_kg_s) * self.per_c_star;
+        let ambient_pa = self.condition.ambient_pa;
         let pressure =
-            steady_pressure(&self.engine.map, &mixture, per_c_star, self.condition.ambient_pa, log_guess);
+            steady_pressure(&self.engine.map, &mixture, per_c_star, ambient_pa, &mut near.pressure);
         Burning { fuel_kg_s, of_ratio, mixture, pressure }
+    }
+
+    /// Fuel flow of oxidiser that burns altogether, Eq (5R) as surface times rate of regression.
+    #[inline]
+    fn steady_fuel_kg_s(&self, oxidizer_kg_s: f64, near: &mut Near) -> f64 {
+        let flux = oxidizer_kg_s * self.flux_per_flow_1_m2;
+        self.fuel_per_regression * self.engine.regression.of(flux, &mut near.regression)
     }
 
     /// Pressure of unburnt flow.
@@ -392,21 +422,17 @@ impl<'a> Setting<'a> {
         (self.engine.cold.c_star_m_s * oxidizer_kg_s * self.per_cold_c_star).max(self.condition.ambient_pa)
     }
 
-    /// Chamber pressure of a flow; leaves a better guess in `log`.
-    pub(super) fn chamber_pa(&self, oxidizer_kg_s: f64, log: &mut f64) -> f64 {
-        let hot = self.burning_share_of(oxidizer_kg_s, log);
+    /// Chamber pressure of a flow.
+    pub(super) fn chamber_pa(&self, oxidizer_kg_s: f64, near: &mut Near) -> f64 {
+        let hot = self.burning_share_of(oxidizer_kg_s, near);
         self.mixed_pa(oxidizer_kg_s, hot.as_ref())
     }
 
-    /// The burning flow if anything burns; leaves a better guess in `log`.
+    /// The burning flow if anything burns.
     #[inline]
-    fn burning_share_of(&self, oxidizer_kg_s: f64, log: &mut f64) -> Option<Burning<'a>> {
-        if oxidizer_kg_s <= 0.0 || self.condition.burning_fraction <= 0.0 {
-            return None;
-        }
-        let hot = self.burning(oxidizer_kg_s, *log);
-        *log = hot.pressure.log;
-        Some(hot)
+    fn burning_share_of(&self, oxidizer_kg_s: f64, near: &mut Near) -> Option<Burning<'a>> {
+        (oxidizer_kg_s > 0.0 && self.condition.burning_fraction > 0.0)
+            .then(|| self.burning(oxidizer_kg_s, near))
     }
 
     /// Pressure of a flow of which some burns and the rest does not.
@@ -439,15 +465,15 @@ impl<'a> Setting<'a> {
     }
 
     /// Growth of the throat: hot flow erodes, cold flow does not.
-    fn erosion_m_s(&self, chamber_pa: f64) -> f64 {
+    fn erosion_m_s(&self, chamber_pa: f64, near: &mut Near) -> f64 {
         let nozzle = &self.engine.nozzle;
         if self.condition.throat_radius_m >= nozzle.greatest_throat_radius_m()
             || nozzle.erosion_rate_m_s == 0.0
         {
             return 0.0;
         }
-        let log = libm::log(chamber_pa / nozzle.erosion_pressure_pa);
-        self.condition.burning_fraction.clamp(0.0, 1.0) * nozzle.erosion_m_s(log)
+        let share = self.engine.erosion.of(chamber_pa / nozzle.erosion_pressure_pa, &mut near.erosion);
+        self.condition.burning_fraction.clamp(0.0, 1.0) * nozzle.erosion_rate_m_s * share
     }
 
     fn regression_m_s(&self, fuel_kg_s: f64) -> f64 {
@@ -455,11 +481,12 @@ impl<'a> Setting<'a> {
     }
 
     fn steady_point(&self, oxidizer_kg_s: f64, hot: Option<Burning<'_>>, found: Found) -> OperatingPoint {
+        let mut guess = found.guess;
         if oxidizer_kg_s <= 0.0 {
-            return self.closed(None);
+            return self.closed(None, guess.near);
         }
         let chamber_pa = self.mixed_pa(oxidizer_kg_s, hot.as_ref());
-        let hot = hot.unwrap_or_else(|| self.burning(oxidizer_kg_s, found.guess.log_chamber_pressure));
+        let hot = hot.unwrap_or_else(|| self.burning(oxidizer_kg_s, &mut guess.near));
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let (thrust_n, nozzle_flow) = self.thrust(oxidizer_kg_s, &hot);
         let fuel_kg_s = self.burning_share() * hot.fuel_kg_s;
@@ -479,16 +506,16 @@ impl<'a> Setting<'a> {
             thrust_n,
             isp_s: thrust_n / (STANDARD_GRAVITY_M_S2 * nozzle_kg_s),
             regression_rate_m_s: self.regression_m_s(fuel_kg_s),
-            throat_erosion_m_s: self.erosion_m_s(chamber_pa),
+            throat_erosion_m_s: self.erosion_m_s(chamber_pa, &mut guess.near),
             chamber_gas_rate: ChamberGasRate::default(),
             nozzle_flow,
             solved: found.solved,
-            guess: found.guess,
+            guess,
         }
     }
 
     /// Pressure and outflow of the gas in the chamber.
-    fn held(&self, gas: ChamberGas) -> Held<'a> {
+    fn held(&self, gas: ChamberGas, near: &mut Near) -> Held<'a> {
         let engine = self.engine;
         let (oxidizer_kg, fuel_kg) = (gas.oxidizer_kg.max(0.0), gas.fuel_kg.max(0.0));
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
@@ -509,7 +536,8 @@ impl<'a> Setting<'a> {
             burning_fraction,
             cold: engine.cold,
         };
-        let held = held_pressure(&engine.map, &mixture, oxidizer_kg + fuel_kg, &vessel, &self.throat);
+        let total_kg = oxidizer_kg + fuel_kg;
+        let held = held_pressure(&engine.map, &mixture, total_kg, &vessel, &self.throat, &mut near.pressure);
         Held {
             gas: ChamberGas { oxidizer_kg, fuel_kg },
             of_ratio: ratio(oxidizer_kg, fuel_kg),
@@ -521,9 +549,8 @@ impl<'a> Setting<'a> {
 
     fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
-        let exponent = self.engine.grain.regression_exponent;
-        let steady_fuel_kg_s = self.fuel_factor * libm::pow(oxidizer_kg_s.max(0.0), exponent);
-        let fuel_kg_s = self.burning_share() * steady_fuel_kg_s;
+        let mut guess = found.guess;
+        let fuel_kg_s = self.burning_share() * self.steady_fuel_kg_s(oxidizer_kg_s.max(0.0), &mut guess.near);
         let (hot_n, nozzle_flow) = self.engine.nozzle.thrust(&self.throat, &held.mixture, held.pressure);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.engine.cold_flow_isp_s * held.nozzle_kg_s;
         let thrust_n = if held.nozzle_kg_s > 0.0 { f * hot_n + (1.0 - f) * cold_n } else { 0.0 };
@@ -541,22 +568,22 @@ impl<'a> Setting<'a> {
             thrust_n,
             isp_s: if burns { thrust_n / (STANDARD_GRAVITY_M_S2 * held.nozzle_kg_s) } else { 0.0 },
             regression_rate_m_s: self.regression_m_s(fuel_kg_s),
-            throat_erosion_m_s: if burns { self.erosion_m_s(held.pressure.pa) } else { 0.0 },
+            throat_erosion_m_s: if burns { self.erosion_m_s(held.pressure.pa, &mut guess.near) } else { 0.0 },
             chamber_gas_rate: ChamberGasRate {
                 oxidizer_kg_s: oxidizer_kg_s - out_1_s * held.gas.oxidizer_kg,
                 fuel_kg_s: fuel_kg_s - out_1_s * held.gas.fuel_kg,
             },
             nozzle_flow: if burns { nozzle_flow } else { NozzleFlow::Off },
             solved: found.solved,
-            guess: found.guess,
+            guess,
         }
     }
 
     /// No oxidiser flows; a chamber that still holds gas empties.
-    fn closed(&self, held: Option<Held<'_>>) -> OperatingPoint {
+    fn closed(&self, held: Option<Held<'_>>, near: Near) -> OperatingPoint {
         let ambient_pa = self.condition.ambient_pa;
         if let Some(held) = held {
-            let guess = Guess { log_chamber_pressure: held.pressure.log, ..Guess::default() };
+            let guess = Guess { near, ..Guess::default() };
             let found = Found { injector_inlet_pa: held.pressure.pa, quality: 0.0, solved: true, guess };
             return self.filling_point(0.0, &held, found);
         }
@@ -575,7 +602,7 @@ impl<'a> Setting<'a> {
             chamber_gas_rate: ChamberGasRate::default(),
             nozzle_flow: NozzleFlow::Off,
             solved: true,
-            guess: Guess::default(),
+            guess: Guess { near, ..Guess::default() },
         }
     }
 }

@@ -90,13 +90,9 @@ impl Grain {
         2.0 * PI * f64::from(self.port_count) * port_radius_m * self.length_m * self.fuel_density_kg_m3
     }
 
-    /// Factor c of ṁ_f = c ṁ_o^n at this radius, Eq (5R): c = 2 π^(1-n) N^(1-n) ρ L a R^(1-2n).
-    pub fn fuel_flow_factor(&self, port_radius_m: f64) -> f64 {
-        let n = self.regression_exponent;
-        let ports = f64::from(self.port_count);
-        let flux_per_flow_1_m2 = 1.0 / (PI * ports * port_radius_m * port_radius_m);
-        let regression = self.regression_coefficient_si * libm::exp(n * libm::log(flux_per_flow_1_m2));
-        self.fuel_per_regression_kg_m(port_radius_m) * regression
+    /// Oxidiser flux per oxidiser flow (1/m²): one over the area of the ports.
+    pub fn flux_per_flow_1_m2(&self, port_radius_m: f64) -> f64 {
+        1.0 / (PI * f64::from(self.port_count) * port_radius_m * port_radius_m)
     }
 
     /// Port radius (m) after a time of constant oxidiser flow, Eq 4, not beyond burn-through:
@@ -145,6 +141,17 @@ pub(super) mod tests {
         }
     }
 
+    /// Fuel flow by Eq (5R) as it is written: 2 π^(1-n) N^(1-n) ρ L a R^(1-2n) ṁ_o^n.
+    fn eq_5r_kg_s(grain: &Grain, oxidizer_kg_s: f64, port_radius_m: f64) -> f64 {
+        let n = grain.regression_exponent;
+        let column = 2.0 * libm::pow(PI * f64::from(grain.port_count), 1.0 - n) * grain.length_m;
+        column
+            * grain.fuel_density_kg_m3
+            * grain.regression_coefficient_si
+            * libm::pow(port_radius_m, 1.0 - 2.0 * n)
+            * libm::pow(oxidizer_kg_s, n)
+    }
+
     #[test]
     fn the_closed_form_of_constant_flow_is_met_by_runge_kutta() {
         let grain = reference(1);
@@ -180,7 +187,7 @@ pub(super) mod tests {
             }
             // In a short time, the flow of (5R): the rest is of second order, 1e-6 s times 3 % a second.
             let rate = grain.fuel_burnt_kg(start_m, flow, 1e-6) / 1e-6;
-            let factor = grain.fuel_flow_factor(start_m) * libm::pow(flow, grain.regression_exponent);
+            let factor = eq_5r_kg_s(&grain, flow, start_m);
             assert!((rate / factor - 1.0).abs() < 1e-7, "{ports}: {rate} {factor}");
         }
     }
@@ -198,7 +205,7 @@ pub(super) mod tests {
             let grain = reference(ports);
             let (r, flow) = (0.0251, 0.35);
             let rate = grain.regression_rate_m_s(flow, r);
-            let fuel_flow = grain.fuel_flow_factor(r) * libm::pow(flow, grain.regression_exponent);
+            let fuel_flow = eq_5r_kg_s(&grain, flow, r);
             // Central difference of a quadratic: exact but for round-off of 2 kg against 1e-6 kg.
             let h = 1e-6;
             let loss = (grain.fuel_kg(r - h * rate) - grain.fuel_kg(r + h * rate)) / (2.0 * h);

@@ -3,7 +3,7 @@
 //! Thrust → oxidiser flow (the thrust rises with it: one bracketed root, where the seed paper sweeps) →
 //! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
 
-use super::engine::{Engine, EngineCondition, Guess, INLET_TOLERANCE, OperatingPoint, Setting};
+use super::engine::{Engine, EngineCondition, Guess, INLET_TOLERANCE, Near, OperatingPoint, Setting};
 use super::feed_map::FeedMap;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
@@ -36,10 +36,9 @@ impl Engine {
         let steady = EngineCondition { chamber_gas: None, ..*condition };
         let setting = self.setting(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
-        let mut log = guess.log_chamber_pressure;
+        let mut near = guess.near;
         let excess_n = |oxidizer_kg_s: f64| {
-            let hot = setting.burning(oxidizer_kg_s, log);
-            log = hot.pressure.log;
+            let hot = setting.burning(oxidizer_kg_s, &mut near);
             setting.thrust(oxidizer_kg_s, &hot).0 - thrust_n
         };
         let bracket = Bracket {
@@ -53,14 +52,14 @@ impl Engine {
         let root = bracketed_root(bracket, excess_n);
         let beyond = !matches!(root.status, RootStatus::Solved);
         let (_, open_m2) = self.valve_area.fully_open();
-        let (area_m2, inlet_guess) = match setting.inlet_of_flow(feed, root.x, guess, &mut log) {
+        let (area_m2, inlet_guess) = match setting.inlet_of_flow(feed, root.x, guess, &mut near) {
             Some((area_m2, inlet_pa)) => (area_m2, Guess { injector_inlet_pa: inlet_pa, ..guess }),
             None => (f64::INFINITY, guess),
         };
         let saturated = beyond || area_m2 > open_m2;
         let valve_rad = self.valve_area.angle_rad(area_m2.min(open_m2));
         let valve_area_m2 = self.valve_area.area_m2(valve_rad);
-        let start = Guess { log_chamber_pressure: log, ..inlet_guess };
+        let start = Guess { near, ..inlet_guess };
         let point = self.operating_point(feed, valve_area_m2, &steady, start);
         Inverse { valve_rad, valve_area_m2, point, saturated }
     }
@@ -73,10 +72,10 @@ impl Setting<'_> {
         feed: &FeedMap,
         oxidizer_kg_s: f64,
         guess: Guess,
-        log: &mut f64,
+        near: &mut Near,
     ) -> Option<(f64, f64)> {
         let tank_pa = feed.tank().pressure_pa;
-        let chamber_pa = self.chamber_pa(oxidizer_kg_s, log);
+        let chamber_pa = self.chamber_pa(oxidizer_kg_s, near);
         let injector_m2 = self.engine.injector_area_m2;
         let excess_kg_s = |inlet_pa: f64| {
             injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - oxidizer_kg_s

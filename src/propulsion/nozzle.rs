@@ -129,11 +129,6 @@ impl Nozzle {
         ((onset_n * share).max(0.0), flow)
     }
 
-    /// Growth of the throat's radius (m/s) at ln(Pc/`erosion_pressure_pa`).
-    pub fn erosion_m_s(&self, log_pressure_ratio: f64) -> f64 {
-        self.erosion_rate_m_s * libm::exp(self.erosion_exponent * log_pressure_ratio)
-    }
-
     /// Least Pc/pa at which the nozzle surely flows full, for exponents within `gammas` and a throat not
     /// smaller than the initial one; spares the running flow every root.
     pub fn surely_full_above(&self, gammas: (f64, f64)) -> f64 {

@@ -24,7 +24,7 @@ use crate::interpolate::{
 
 /// C_d A of a flow coefficient Cv of 1 (m²): 1 US gallon a minute is 6.309 019 64e-5 m³/s, 1 psi is
 /// 6894.757 293 Pa, water at 60 °F has 999.0 kg/m³; Q √(ρ/(2 Δp)).
-const AREA_PER_CV_M2: f64 = 1.698_141_7e-5;
+const AREA_PER_CV_M2: f64 = 1.698126871e-05;
 /// Water of a flow test, 20 °C (kg/m³). 15 to 25 °C change the area by 0.06 %.
 const WATER_KG_M3: f64 = 998.2;
 
@@ -69,6 +69,10 @@ pub struct Valve {
     /// Lost motion between servo and ball (rad).
     #[schemars(range(min = 0.0, max = 0.2))]
     pub backlash_rad: f64,
+    /// Coulomb friction of servo and ball, as the error at which the position loop breaks away (rad).
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.2))]
+    pub friction_rad: f64,
     /// Step of the servo's encoder (rad); 0 is none.
     #[schemars(range(min = 0.0, max = 0.1))]
     pub encoder_resolution_rad: f64,
@@ -286,6 +290,7 @@ mod tests {
             rate_limit_rad_s: 2.0,
             delay_s: 0.0,
             backlash_rad: 0.0,
+            friction_rad: 0.0,
             encoder_resolution_rad: 0.0,
         }
     }

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::autopilot::Mission;
+use crate::disturbance::Disturbance;
 use crate::dynamics::slosh::SloshModel;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
@@ -24,6 +25,9 @@ pub struct ScenarioFile {
     pub description: String,
     /// Vehicle file.
     pub vehicle: String,
+    /// Values that replace those of the vehicle file: its dotted keys, quoted, as in `"feed.tank.length_m" = 0.4`. `--set` comes after them.
+    #[serde(default)]
+    pub vehicle_set: std::collections::BTreeMap<String, serde_json::Value>,
     /// Seed of every random stream; `--seed` replaces it.
     #[serde(default)]
     #[schemars(range(min = 0))]
@@ -56,6 +60,9 @@ pub struct ScenarioFile {
     /// Wind; absent: calm.
     #[serde(default)]
     pub wind: WindParameters,
+    /// What no model of the vehicle accounts for.
+    #[serde(default)]
+    pub disturbance: Vec<Disturbance>,
     /// State at step 0.
     #[serde(default)]
     pub initial: Initial,
@@ -403,6 +410,18 @@ pub struct Scenario {
 }
 
 impl ScenarioFile {
+    /// Applies `vehicle_set` to the vehicle's document; `place` names this scenario in messages.
+    ///
+    /// # Errors
+    /// When a key cannot be set; whether it is known is judged when the vehicle is read.
+    pub fn set_vehicle(&self, place: &str, vehicle: &mut Document) -> Result<(), InputError> {
+        for (key, value) in &self.vehicle_set {
+            // Numbers, strings, booleans and lists are written alike in JSON and TOML.
+            vehicle.set_from(place, &format!("vehicle_set.\"{key}\""), key, &value.to_string())?;
+        }
+        Ok(())
+    }
+
     /// Reads and checks a scenario document.
     pub fn read(document: &Document) -> Result<Self, InputError> {
         let file: Self = document.read()?;
@@ -436,6 +455,11 @@ impl ScenarioFile {
         {
             faults
                 .push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
+        }
+        for (index, disturbance) in file.disturbance.iter().enumerate() {
+            if let Err(fault) = disturbance.validate() {
+                faults.push(fault.within(&format!("disturbance.{index}")));
+            }
         }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
     }
@@ -487,6 +511,7 @@ impl Scenario {
         let file = ScenarioFile {
             description: String::new(),
             vehicle: vehicle.name.clone(),
+            vehicle_set: std::collections::BTreeMap::new(),
             seed: 0,
             duration_s: None,
             timeout_s: default_timeout_s(),
@@ -497,6 +522,7 @@ impl Scenario {
             commands: None,
             site: None,
             wind: WindParameters::default(),
+            disturbance: Vec::new(),
             initial,
             sequence: Sequence::default(),
             actuators: Actuators::default(),

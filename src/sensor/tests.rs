@@ -23,7 +23,7 @@ fn reference() -> (SensorParameters, Environment) {
     for vector in sensors.vectors_mut() {
         *vector = frd_from_structural(Vec3::from(*vector)).into();
     }
-    (sensors, Environment::new(&site, &WindParameters::default()).unwrap())
+    (sensors, Environment::new(&site, &WindParameters::default(), 1).unwrap())
 }
 
 /// The same instruments without any error, delay and range left as they are.

@@ -73,7 +73,7 @@ impl Flight {
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
         let step = SimTime::from_s(scenario.file.physics.step_s);
-        let plant = Plant::with_step(scenario, step)?;
+        let plant = Plant::seeded(scenario, seed)?;
         let snapshot = *plant.snapshot();
         let mut parameters = scenario.vehicle.sensors.clone();
         if let Some(rate_hz) = instruments.imu_rate_hz {

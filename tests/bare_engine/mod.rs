@@ -1,10 +1,12 @@
 //! The reference vehicle's engine, read from its own files.
+#![allow(dead_code)] // each test file uses its part
 
 use hopbench::propulsion::{
     ChamberModel, Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, Guess,
     OperatingPoint, PaperMode, Pressurant, ReactionControl,
 };
 
+#[allow(dead_code)]
 pub const AMBIENT_PA: f64 = 101_325.0;
 
 #[derive(serde::Deserialize)]
@@ -42,6 +44,7 @@ pub fn filling_engine() -> Engine {
 }
 
 /// The lit engine at a port and throat radius, quasi-steady.
+#[allow(dead_code)]
 pub fn condition(port_mm: f64, throat_mm: f64) -> EngineCondition {
     EngineCondition {
         port_radius_m: port_mm * 1e-3,

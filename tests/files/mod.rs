@@ -18,8 +18,11 @@ pub fn text(path: &Path) -> String {
 
 /// The vehicle of a document, with the tables beside `scenarios/vehicles`.
 pub fn vehicle_of(document: &Document) -> Result<Vehicle, InputError> {
-    let file = VehicleFile::read(document)?;
+    let mut file = VehicleFile::read(document)?;
     let vehicles = folder().join("vehicles");
+    for (index, name) in file.mass_reports() {
+        file.import_mass(index, &text(&vehicles.join(name))).unwrap();
+    }
     let (map, area) =
         (text(&vehicles.join(&file.engine.map.file)), text(&vehicles.join(&file.feed.valve.area_file)));
     Vehicle::new(file, &map, &area).map_err(|e| match e {
@@ -44,14 +47,18 @@ pub fn scenario(name: &str, overrides: &[(&str, &str)]) -> Scenario {
 pub fn try_scenario(name: &str, overrides: &[(&str, &str)]) -> Result<Scenario, InputError> {
     let path = folder().join(format!("{name}.toml"));
     let mut document = Document::parse(name, &text(&path))?;
-    let mut vehicle = reference_document();
-    for (key, value) in overrides {
-        match key.strip_prefix("vehicle.") {
-            Some(key) => vehicle.set(key, value)?,
-            None => document.set(key, value)?,
-        }
+    let of_vehicle = |key: &str| key.strip_prefix("vehicle.").map(str::to_owned);
+    for (key, value) in overrides.iter().filter(|(key, _)| of_vehicle(key).is_none()) {
+        document.set(key, value)?;
     }
     let file = ScenarioFile::read(&document)?;
+    let mut vehicle = Document::parse(&file.vehicle, &text(&folder().join(&file.vehicle)))?;
+    file.set_vehicle(name, &mut vehicle)?;
+    for (key, value) in overrides {
+        if let Some(key) = of_vehicle(key) {
+            vehicle.set(&key, value)?;
+        }
+    }
     let schedule = file.commands.as_ref().map(|c| Schedule::parse(&text(&folder().join(c))).unwrap());
     let vehicle = vehicle_of(&vehicle)?;
     Scenario::new(name, file, vehicle, schedule).map_err(|faults| document.error(faults))

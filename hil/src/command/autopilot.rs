@@ -87,7 +87,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
 
 /// The built-in autopilot, told what a scenario's vehicle and mission are.
 pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: ThrottleKind) -> Result<Pilot> {
-    let environment = Environment::new(&scenario.site, &scenario.file.wind)
+    let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(scenario.file.seed))
         .map_err(|fault| load::contradiction(Path::new(&scenario.name), fault))?;
     let mut parameters = outfit::autopilot(scenario, &environment, instruments);
     parameters.actuators.throttle_output = match scenario.vehicle.controls.speaks(throttle) {

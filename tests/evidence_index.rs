@@ -1,0 +1,102 @@
+//! The index of evidence, tests/README.md, against what exists: it cannot name a test, a script or a file that is
+//! not there, nor leave out an equation or a correction.
+
+#![allow(clippy::disallowed_methods)] // the test reads the repository
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn text(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Everything between backticks.
+fn quoted(text: &str) -> Vec<&str> {
+    text.lines().flat_map(|line| line.split('`').skip(1).step_by(2)).collect()
+}
+
+/// Names of the test functions of a source file, those of `proptest!` too.
+fn tests_of(source: &str) -> BTreeSet<&str> {
+    let mut names = BTreeSet::new();
+    let mut marked = false;
+    for line in source.lines().map(str::trim_start) {
+        if line.starts_with("#[test]") {
+            marked = true;
+        } else if let Some(rest) = line.strip_prefix("fn ").filter(|_| marked) {
+            names.insert(rest.split('(').next().unwrap_or_default());
+            marked = false;
+        }
+    }
+    names
+}
+
+#[test]
+fn every_test_and_file_that_the_index_names_exists() {
+    let index = text(&root().join("tests/README.md"));
+    let (mut tests, mut files) = (0, 0);
+    for name in quoted(&index) {
+        if let Some((file, function)) = name.split_once("::") {
+            if name == "file::name" || function == "name" {
+                continue;
+            }
+            let path = if file.ends_with(".rs") {
+                root().join(file)
+            } else {
+                root().join(format!("tests/{file}.rs"))
+            };
+            assert!(tests_of(&text(&path)).contains(function), "{name}: no such test in {}", path.display());
+            tests += 1;
+        } else if ["tests/", "tools/", "src/", "scenarios/"].iter().any(|folder| name.starts_with(folder)) {
+            // Names that stand for any file.
+            if !name.contains("file.rs") && name != "src/path.rs" {
+                assert!(root().join(name).exists(), "{name} does not exist");
+                files += 1;
+            }
+        }
+    }
+    assert!(tests > 60 && files > 40, "{tests} tests and {files} files are named");
+}
+
+/// First cells of the tables below a heading.
+fn first_cells<'a>(index: &'a str, heading: &str) -> BTreeSet<&'a str> {
+    let section =
+        index.split("\n## ").find(|section| section.starts_with(heading)).expect("the heading exists");
+    section.lines().filter_map(|line| line.strip_prefix("| ")?.split(" |").next()).collect()
+}
+
+#[test]
+fn no_equation_and_no_correction_is_missing() {
+    let index = text(&root().join("tests/README.md"));
+    for (heading, last) in [("The seed paper's equations", 22), ("Corrections of the seed paper", 19)] {
+        let cells = first_cells(&index, heading);
+        for number in 1..=last {
+            assert!(cells.contains(number.to_string().as_str()), "{heading}: {number} is missing");
+        }
+    }
+}
+
+#[test]
+fn every_data_file_names_its_maker() {
+    let index = text(&root().join("tests/README.md"));
+    let mut count = 0;
+    for file in std::fs::read_dir(root().join("tests/reference")).expect("the folder exists") {
+        let path = file.expect("an entry").path();
+        let (text, name) = (text(&path), path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+        // A schedule that both codes read is nobody's result.
+        if name.ends_with("_commands.csv") {
+            continue;
+        }
+        let heading: String = text.lines().take_while(|line| line.starts_with('#')).collect();
+        assert!(heading.contains("tools/reference/make_"), "{name}: its heading names no script");
+        assert!(
+            index.contains(&name) || name == "paper_mode_commands.csv",
+            "{name} is not in tests/README.md"
+        );
+        count += 1;
+    }
+    assert!(count > 15, "{count} files");
+}
