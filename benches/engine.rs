@@ -46,6 +46,7 @@ fn main() {
         burning_fraction: 1.0,
         ambient_pa: 101_325.0,
         chamber_gas: None,
+        fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     };
     for degrees in [8.0f64, 15.0, 21.0, 25.0, 28.9] {

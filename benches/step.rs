@@ -2,37 +2,87 @@
 //!
 //!     cargo bench -p hopbench --bench step
 //!
-//! Rounds of 8 s of the open-loop reference run a; the yardstick is 3.3 us a step.
+//! Rounds of 8 s of the open-loop reference run a and of the whole hop; the yardstick is 3.3 us a step. Beside
+//! them, in the same run, one evaluation and the integrator alone.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
 #[path = "../tests/files/mod.rs"]
 mod files;
 
-use hopbench::plant::Plant;
+use std::hint::black_box;
 use std::time::Instant;
+
+use hopbench::integrator::rk4_step;
+use hopbench::plant::Plant;
+use hopbench::signal::ActuatorCommand;
+use hopbench::simulation::Flight;
 
 const STEPS: u32 = 8_000;
 const ROUNDS: usize = 9;
 
-fn main() {
-    let scenario = files::scenario("open_loop_a", &[]);
-    let schedule = scenario.schedule.as_ref().expect("the run names its schedule");
+/// Least, median and greatest time of a step over some rounds (us).
+fn report(what: &str, steps: usize, mut round: impl FnMut()) {
     let mut rounds_us: Vec<f64> = (0..ROUNDS)
         .map(|_| {
-            let mut plant = Plant::new(&scenario).expect("the run is sound");
             let start = Instant::now();
-            for _ in 0..STEPS {
-                plant.step(schedule.at(plant.time()));
-            }
-            start.elapsed().as_secs_f64() * 1e6 / f64::from(STEPS)
+            round();
+            start.elapsed().as_secs_f64() * 1e6 / steps as f64
         })
         .collect();
     rounds_us.sort_by(f64::total_cmp);
     println!(
-        "plant step: least {:.2} us, median {:.2} us, greatest {:.2} us over {ROUNDS} rounds of {STEPS} steps",
+        "{what}: least {:.2} us, median {:.2} us, greatest {:.2} us over {ROUNDS} rounds of {steps} steps",
         rounds_us[0],
         rounds_us[ROUNDS / 2],
         rounds_us[ROUNDS - 1]
     );
+}
+
+/// What the autopilot commands over the hop, pad to pad.
+fn commands_of_the_hop() -> Vec<ActuatorCommand> {
+    let mut flight = Flight::new(&files::scenario("hop_50m", &[]), 1).expect("the hop is sound");
+    let (mut command, mut commands) = (ActuatorCommand::SAFE, Vec::new());
+    while flight.outcome().is_none() {
+        commands.push(command);
+        flight.step(&command);
+        if let Some(next) = flight.autopilot_command() {
+            command = next;
+        }
+    }
+    commands
+}
+
+fn main() {
+    let scenario = files::scenario("open_loop_a", &[]);
+    let schedule = scenario.schedule.as_ref().expect("the run names its schedule");
+    let plant = Plant::new(&scenario).expect("the run is sound");
+    report("plant step, open loop a", STEPS as usize, || {
+        let mut plant = Plant::new(&scenario).expect("the run is sound");
+        for _ in 0..STEPS {
+            plant.step(schedule.at(plant.time()));
+        }
+    });
+    report("one evaluation, of which a step takes four", STEPS as usize, || {
+        for _ in 0..STEPS {
+            black_box(plant.evaluate(black_box(plant.state()), 0.0));
+        }
+    });
+    // What the same integrator takes for the same state without a plant: the machine's own speed.
+    let rate = plant.evaluate(plant.state(), 0.0).rate;
+    report("bare integrator", STEPS as usize, || {
+        let mut state = *plant.state();
+        for _ in 0..STEPS {
+            state = rk4_step(&state, 1e-3, |_, _| black_box(rate));
+        }
+        black_box(state);
+    });
+    let hop = files::scenario("hop_50m", &[]);
+    let commands = commands_of_the_hop();
+    report("plant step, hop of 50 m", commands.len(), || {
+        let mut plant = Plant::new(&hop).expect("the hop is sound");
+        for command in &commands {
+            plant.step(command);
+        }
+    });
 }

@@ -20,8 +20,8 @@ use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural}
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
     BottleModel, ChamberModel, Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation,
-    ManifoldModel, NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas,
-    ReactionControl, Tank, Vent, VentedGas,
+    NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl,
+    Tank, Vent, VentedGas,
 };
 use crate::sensor::SensorParameters;
 
@@ -275,8 +275,6 @@ impl VehicleFile {
                 note(Err(Invalid::new("", format!("this choice is not built yet; allowed {allowed}"))), key);
             }
         };
-        only(feed.manifold.model == ManifoldModel::QuasiSteady, "feed.manifold.model", "\"quasi_steady\"");
-        only(self.engine.grain.fuel_flow_lag_s == 0.0, "engine.grain.fuel_flow_lag_s", "0");
         only(pressurant.bottle.model == BottleModel::Isothermal, "pressurant.bottle.model", "\"isothermal\"");
         let regulator = &pressurant.regulator;
         only(regulator.droop_pa_s_kg == 0.0, "pressurant.regulator.droop_pa_s_kg", "0");

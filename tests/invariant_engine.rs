@@ -238,6 +238,7 @@ proptest! {
             burning_fraction,
             ambient_pa,
             chamber_gas: filling.then_some(gas),
+            fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: limit,
         };
         let area_m2 = engine.valve_area().area_m2(f64::to_radians(degrees));

@@ -34,6 +34,7 @@ fn condition(port_radius_m: f64, throat_radius_m: f64) -> EngineCondition {
         burning_fraction: 1.0,
         ambient_pa: 101_325.0,
         chamber_gas: None,
+        fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     }
 }

@@ -116,6 +116,7 @@ fn chamber_that_fills() {
     let evaluate = |gas: &Numbers<2>, time_s: f64| {
         let condition = EngineCondition {
             chamber_gas: Some(ChamberGas { oxidizer_kg: gas.0[0], fuel_kg: gas.0[1] }),
+            fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: throttled_kg_s(time_s),
             ..bare_engine::condition(35.0, 10.0)
         };

@@ -274,13 +274,21 @@ impl FlowTerms {
 
     /// From the rates in the body and what leaves it: nozzle exit, thrusters, vent.
     pub fn new(rate: &MassRate, outflows: &[Outflow]) -> Self {
-        let mut momentum = Vec3::new(0.0, 0.0, rate.first_moment_z_kg_m_s);
-        let mut damping = Mat3::from_diagonal(&rate.inertia_diagonal_kg_m2_s);
-        for outflow in outflows.iter().filter(|outflow| outflow.mass_flow_kg_s != 0.0) {
-            momentum += outflow.position_body_m * outflow.mass_flow_kg_s;
-            damping += point_inertia(outflow.position_body_m) * outflow.mass_flow_kg_s;
+        let mut terms = Self {
+            momentum_body_kg_m_s: Vec3::new(0.0, 0.0, rate.first_moment_z_kg_m_s),
+            jet_damping_kg_m2_s: Mat3::from_diagonal(&rate.inertia_diagonal_kg_m2_s),
+        };
+        outflows.iter().for_each(|outflow| terms.add(outflow));
+        terms
+    }
+
+    /// One outflow more.
+    #[inline]
+    pub fn add(&mut self, outflow: &Outflow) {
+        if outflow.mass_flow_kg_s != 0.0 {
+            self.momentum_body_kg_m_s += outflow.position_body_m * outflow.mass_flow_kg_s;
+            self.jet_damping_kg_m2_s += point_inertia(outflow.position_body_m) * outflow.mass_flow_kg_s;
         }
-        Self { momentum_body_kg_m_s: momentum, jet_damping_kg_m2_s: damping }
     }
 }
 

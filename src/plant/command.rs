@@ -99,8 +99,12 @@ impl Plant {
         }
         let engine = &self.vehicle.engine;
         // The demand is for the burning engine, whatever the flame is doing now.
-        let condition =
-            EngineCondition { burning_fraction: 1.0, chamber_gas: None, ..self.condition(&self.state) };
+        let condition = EngineCondition {
+            burning_fraction: 1.0,
+            chamber_gas: None,
+            fuel_flow_kg_s: None,
+            ..self.condition(&self.state)
+        };
         let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold
             && !self.options.open_loop;
         let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };

@@ -16,9 +16,6 @@ use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, OperatingPoin
 /// passes zero.
 const DRAIN_S: f64 = 4e-3;
 
-/// Nozzle, vent, and thrusters, at most: the vehicle file's schema allows no more thrusters.
-const OUTFLOWS: usize = 2 + 16;
-
 impl Plant {
     /// Conditions of the engine at a state.
     pub(super) fn condition(&self, state: &State) -> EngineCondition {
@@ -42,6 +39,8 @@ impl Plant {
                 oxidizer_kg: state.chamber_oxidizer_kg,
                 fuel_kg: state.chamber_fuel_kg,
             }),
+            fuel_flow_kg_s: (parameters.grain.fuel_flow_lag_s > 0.0 && self.paper.is_none())
+                .then(|| state.fuel_flow_kg_s.min(self.usable_fuel_kg(state) / DRAIN_S)),
             oxidizer_flow_limit_kg_s: state.nitrous_kg.max(0.0) / drain_s,
         }
     }
@@ -59,11 +58,13 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let engine = self.engine_at(open_area_m2, state, share);
+        let (engine, stored_kg) = self.engine_at(open_area_m2, state, share);
+        // Within a step the tank still holds what the manifold has taken up since it began.
+        let nitrous_kg = state.nitrous_kg - stored_kg;
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let pressurant = vehicle.nitrogen(state.nitrogen_kg, state.nitrous_kg, ambient_pa);
+        let pressurant = vehicle.nitrogen(state.nitrogen_kg, nitrous_kg, ambient_pa);
         let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
         let mut vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
         let left = state.nitrogen_kg.max(0.0) / (DRAIN_S * (thrusters.nitrogen_kg_s + vent_kg_s));
@@ -84,13 +85,13 @@ impl Plant {
             }
         };
         // What fills the room that the liquid leaves, at constant pressure.
-        let ullage_m3 = vehicle.ullage_m3(state.nitrous_kg);
+        let ullage_m3 = vehicle.ullage_m3(nitrous_kg);
         let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
-        let transfer_kg_s = ullage_kg_m3 * engine.oxidizer_kg_s / vehicle.nitrous_density_kg_m3;
+        let transfer_kg_s = ullage_kg_m3 * engine.tank_kg_s / vehicle.nitrous_density_kg_m3;
         let (nitrogen_run_tank_kg, nitrogen_bottle_kg, run_tank_kg_s) =
             self.frozen.nitrogen(&pressurant, transfer_kg_s);
         let contents = Contents {
-            nitrous_kg: state.nitrous_kg,
+            nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
             port_radius_m: state.port_radius_m,
             nitrogen_run_tank_kg,
@@ -100,15 +101,15 @@ impl Plant {
         let mut mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
-                nitrous_kg_s: -engine.oxidizer_kg_s,
+                nitrous_kg_s: -engine.tank_kg_s,
                 port_radius_m_s,
                 nitrogen_run_tank_kg_s: run_tank_kg_s,
                 nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
             },
         );
-        // The gas in the chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
+        // The gas in manifold and chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
         // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
-        let burnt_kg_s = engine.oxidizer_kg_s + engine.fuel_kg_s;
+        let burnt_kg_s = engine.tank_kg_s + engine.fuel_kg_s;
         self.frozen.hold(&mut mass);
         // The paper's rigid body has neither jet damping nor a moving centre of mass.
         let flow = if self.paper.is_some() {
@@ -152,12 +153,8 @@ impl Plant {
         } else {
             -load.force_body_n.z / mass.vehicle.mass_kg
         };
-        let modes = vehicle.slosh.modes(
-            vehicle.mass.tank(),
-            state.nitrous_kg,
-            vehicle.nitrous_density_kg_m3,
-            axial_m_s2,
-        );
+        let modes =
+            vehicle.slosh.modes(vehicle.mass.tank(), nitrous_kg, vehicle.nitrous_density_kg_m3, axial_m_s2);
         let slosh_states =
             [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
                 .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() });
@@ -198,6 +195,12 @@ impl Plant {
             throat_radius_m: if self.frozen.throat { 0.0 } else { engine.throat_erosion_m_s },
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
             chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
+            manifold_kg: 0.0,
+            line_kg_s: 0.0,
+            fuel_flow_kg_s: vehicle
+                .engine_parameters
+                .grain
+                .fuel_flow_rate_kg_s2(state.fuel_flow_kg_s, engine.steady_fuel_kg_s),
             burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
                 state.burning_fraction,
                 held.flame.lit,
@@ -243,37 +246,41 @@ impl Plant {
             Pair::A => levels.a,
             Pair::B => levels.b,
         };
-        // All thrusters are alike, so each has its share of the flow by its level.
-        let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
-        let per_level_kg_s = if sum > 0.0 { thrusters_kg_s / sum } else { 0.0 };
-        let mut outflows =
-            [Outflow { position_body_m: self.outlets.nozzle, mass_flow_kg_s: nozzle_kg_s }; OUTFLOWS];
-        outflows[1] = Outflow { position_body_m: self.outlets.vent, mass_flow_kg_s: vent_kg_s };
-        for (outflow, thruster) in outflows[2..].iter_mut().zip(&rcs.thruster) {
-            *outflow = Outflow {
-                position_body_m: Vec3::from(thruster.position_m),
-                mass_flow_kg_s: level(thruster.pair) * per_level_kg_s,
-            };
+        let outflow = |position_body_m, mass_flow_kg_s| Outflow { position_body_m, mass_flow_kg_s };
+        let mut terms = FlowTerms::new(
+            rate,
+            &[outflow(self.outlets.nozzle, nozzle_kg_s), outflow(self.outlets.vent, vent_kg_s)],
+        );
+        if thrusters_kg_s > 0.0 {
+            // All thrusters are alike, so each has its share of the flow by its level.
+            let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
+            for thruster in &rcs.thruster {
+                let share = level(thruster.pair) / sum;
+                terms.add(&outflow(Vec3::from(thruster.position_m), share * thrusters_kg_s));
+            }
         }
-        let count = 2 + rcs.thruster.len().min(OUTFLOWS - 2);
-        FlowTerms::new(rate, &outflows[..count])
+        terms
     }
 
-    /// What the engine does with this much valve area open, `share` of a step on.
-    fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> OperatingPoint {
+    /// What the engine does with this much valve area open, `share` of a step on, and what the manifold has taken
+    /// up since the step began (kg).
+    fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> (OperatingPoint, f64) {
         let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
-        let mut point = match &self.paper {
+        let (mut point, stored_kg) = match &self.paper {
+            None if self.feed_stores() => self.feed_point(state, valve_area_m2, share),
             None => {
                 let guess = self.held.guess_at(share);
-                engine.operating_point(feed, valve_area_m2, &self.condition(state), guess)
+                (engine.operating_point(feed, valve_area_m2, &self.condition(state), guess), 0.0)
             }
             Some(paper) => match paper.point {
-                Some(held) => return held,
-                None => paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)),
+                Some(held) => return (held, 0.0),
+                None => {
+                    (paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)), 0.0)
+                }
             },
         };
         point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n);
-        point
+        (point, stored_kg)
     }
 
     /// Time in which a nearly empty store gives what it has (s): a few steps.

@@ -56,6 +56,7 @@ impl Plant {
         self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
         self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
         self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
+        self.state.fuel_flow_kg_s = self.state.fuel_flow_kg_s.max(0.0);
 
         // A thruster that has died away is off; its first-order decay would never end.
         for (axis, open) in [(0, self.held.rcs_open.a), (1, self.held.rcs_open.b)] {
@@ -105,8 +106,8 @@ impl Plant {
     fn settle_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
         let burning = self.condition(&self.state).burning_fraction;
-        if now.engine.fuel_kg_s > 0.0 && burning > 0.0 {
-            self.held.full_fuel_kg_s = now.engine.fuel_kg_s / burning;
+        if now.engine.steady_fuel_kg_s > 0.0 && burning > 0.0 {
+            self.held.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
         }
         let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
         if !self.held.burnt_through
@@ -134,6 +135,7 @@ impl Plant {
             }
             (true, false) => {
                 self.state.burning_fraction = 0.0;
+                self.state.fuel_flow_kg_s = 0.0;
                 self.note("shutdown", chamber());
             }
             _ => {}

@@ -11,6 +11,7 @@
 mod command;
 mod continuous;
 mod discrete;
+mod feed;
 mod freeze;
 mod paper;
 mod sequence;
@@ -25,7 +26,7 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::{DelayLine, ServoMemory};
+use crate::actuator::{DelayLine, Servo, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
@@ -35,7 +36,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    EngineCondition, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    EngineCondition, FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    Stages,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -79,16 +81,21 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
-/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess.
+/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess. Whoever lets
+/// [`Plant::evaluate`] read something else that changes between steps adds it here; tests with debug assertions
+/// compare every rate that is taken over with a fresh one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Inputs {
     condition: EngineCondition,
+    head_pa: f64,
     feed_built_for: (f64, f64),
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
     isolation: f64,
     vent: f64,
     rcs_open: PairLevels,
+    /// Where friction holds the servos of valve and gimbal (rad); 0 without friction.
+    friction_anchors_rad: [f64; 3],
     lit: bool,
     ignition: Option<SimTime>,
     grip: Grip,
@@ -135,6 +142,11 @@ struct Held {
     grip: Grip,
     anchors: Anchors,
     feed: FeedMap,
+    /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
+    /// liquid at the valve (Pa).
+    feed_start: FeedInput,
+    feed_stages: Stages,
+    head_pa: f64,
     /// Where the engine's solver looks first, and the first and second differences per step of its two
     /// pressures (Pa), injector inlet and chamber.
     guess: Guess,
@@ -244,6 +256,7 @@ impl Plant {
             self.step_paper(command);
         } else {
             self.obey(command);
+            self.begin_feed();
             let dt_s = self.step.s();
             let first = self.first_rate();
             self.state = match self.options.integrator {
@@ -252,6 +265,7 @@ impl Plant {
                 }
                 IntegratorKind::Euler => self.state.advanced(&first, dt_s),
             };
+            self.end_feed();
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
@@ -285,12 +299,18 @@ impl Plant {
         let held = &self.held;
         Inputs {
             condition: self.condition(state),
+            head_pa: held.head_pa,
             feed_built_for: held.feed.built_for(),
             valve_command_rad: held.valve_command_rad,
             gimbal_command_rad: held.gimbal_command_rad,
             isolation: held.isolation,
             vent: held.vent,
             rcs_open: held.rcs_open,
+            friction_anchors_rad: [
+                stuck_at(&self.vehicle.valve_servo, &held.valve_memory),
+                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[0]),
+                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[1]),
+            ],
             lit: held.flame.lit,
             ignition: held.ignition,
             grip: held.grip,
@@ -365,6 +385,11 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
+}
+
+/// Where friction holds a servo (rad); without friction its memory follows the angle and means nothing.
+fn stuck_at(servo: &Servo, memory: &ServoMemory) -> f64 {
+    if servo.friction_rad > 0.0 { memory.anchor_rad } else { 0.0 }
 }
 
 /// Equal within what the solver's tolerance and rounding may differ.

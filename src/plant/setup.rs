@@ -13,8 +13,8 @@ use crate::environment::Environment;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
-    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedMap, Flame, Guess, Modulator, PairLevels,
-    PaperEngine,
+    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedInput, Flame, Guess, Modulator,
+    PairLevels, PaperEngine, Stages,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -83,6 +83,8 @@ impl Plant {
         }
         let environment = Environment::new(&scenario.site, &scenario.file.wind, seed)?;
         let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
+        let feed = vehicle.engine.feed_map(nitrogen.tank_pa, vehicle.tank.temperature_k);
+        let at_rest = vehicle.engine.feed_at_rest(&feed, environment.atmosphere.pressure_pa);
         let q = start.q_ned_from_body;
         let state = State {
             position_ned_m: Vec3::from(start.position_ned_m),
@@ -93,6 +95,7 @@ impl Plant {
             nitrogen_kg,
             port_radius_m,
             throat_radius_m,
+            manifold_kg: at_rest.manifold_kg,
             ..State::EMPTY
         };
         let paper = (scenario.file.fidelity == Fidelity::Paper).then(|| {
@@ -127,7 +130,10 @@ impl Plant {
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
                 anchors: Anchors::default(),
-                feed: FeedMap::new(nitrogen.tank_pa, vehicle.tank.temperature_k),
+                feed,
+                feed_start: FeedInput::SHUT,
+                feed_stages: Stages::Two,
+                head_pa: 0.0,
                 guess: Guess::default(),
                 trend_pa: Default::default(),
                 modulator: Modulator::default(),
@@ -252,6 +258,7 @@ impl Plant {
         if self.vehicle.engine_parameters.chamber.model == ChamberModel::Filling {
             self.fill_chamber();
         }
+        self.settle_feed();
     }
 
     /// Lets the chamber fill at the present valve angle until nothing changes any more.
@@ -260,7 +267,11 @@ impl Plant {
         let at_rest = self.vehicle.engine.gas_at_rest(&self.condition(&self.state));
         let mut gas = at_rest;
         let rate = |gas: ChamberGas| {
-            let condition = EngineCondition { chamber_gas: Some(gas), ..self.condition(&self.state) };
+            let condition = EngineCondition {
+                chamber_gas: Some(gas),
+                fuel_flow_kg_s: None,
+                ..self.condition(&self.state)
+            };
             self.vehicle
                 .engine
                 .operating_point(&self.held.feed, area_m2, &condition, self.held.guess)

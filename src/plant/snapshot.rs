@@ -43,6 +43,8 @@ pub struct Snapshot {
     pub nitrogen_ullage_kg: f64,
     /// Gas in the chamber, with the filling model (kg).
     pub chamber_gas_kg: f64,
+    /// Oxidiser between valve and injector, with the implicit manifold (kg).
+    pub manifold_kg: f64,
     /// Port radius (m).
     pub port_radius_m: f64,
     /// Throat radius (m).
@@ -206,6 +208,7 @@ impl Plant {
             nitrogen_bottle_kg: now.pressurant.bottle_kg,
             nitrogen_ullage_kg: now.pressurant.tank_kg,
             chamber_gas_kg: state.chamber_oxidizer_kg + state.chamber_fuel_kg,
+            manifold_kg: state.manifold_kg,
             port_radius_m: state.port_radius_m,
             throat_radius_m: state.throat_radius_m,
             oxidizer_kg_s: now.engine.oxidizer_kg_s,

@@ -68,6 +68,12 @@ state! {
     chamber_oxidizer_kg: f64,
     /// Fuel in the chamber's gas, with the filling model (kg).
     chamber_fuel_kg: f64,
+    /// Oxidiser between valve and injector, with the implicit manifold (kg). Steps on its own, like the next.
+    manifold_kg: f64,
+    /// Flow of the liquid column before the valve, with a feed line (kg/s).
+    line_kg_s: f64,
+    /// Fuel flow off the grain, when that lags (kg/s).
+    fuel_flow_kg_s: f64,
     /// Share of the oxidiser that burns, 0 to 1.
     burning_fraction: f64,
     /// Oxidiser valve angle (rad).
@@ -111,6 +117,9 @@ impl State {
             throat_radius_m: 0.0,
             chamber_oxidizer_kg: 0.0,
             chamber_fuel_kg: 0.0,
+            manifold_kg: 0.0,
+            line_kg_s: 0.0,
+            fuel_flow_kg_s: 0.0,
             burning_fraction: 0.0,
             valve_rad: 0.0,
             valve_rad_s: 0.0,
@@ -153,6 +162,9 @@ impl State {
             self.throat_radius_m,
             self.chamber_oxidizer_kg,
             self.chamber_fuel_kg,
+            self.manifold_kg,
+            self.line_kg_s,
+            self.fuel_flow_kg_s,
             self.burning_fraction,
             self.valve_rad,
             self.valve_rad_s,

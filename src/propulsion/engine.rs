@@ -13,6 +13,7 @@ use super::chamber::{
 use super::combustion::{CombustionMap, Mixture};
 use super::feed_map::FeedMap;
 use super::grain::Grain;
+use super::manifold::FeedStores;
 use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
 use super::valve::ValveArea;
 use super::{EngineParameters, FeedParameters, PaperMode};
@@ -39,17 +40,18 @@ pub enum EngineError {
 /// Everything of the engine that does not change in flight.
 #[derive(Clone, Debug)]
 pub struct Engine {
-    grain: Grain,
+    pub(super) grain: Grain,
     regression: Power,
     chamber: Chamber,
     nozzle: Nozzle,
     erosion: Power,
     cold_flow_isp_s: f64,
     cold: ColdGas,
-    map: CombustionMap,
+    pub(super) map: CombustionMap,
     pub(super) valve_area: ValveArea,
     pub(super) valve_discharge_coefficient: f64,
     pub(super) injector_area_m2: f64,
+    pub(super) stores: FeedStores,
     pub(super) demand_kg_s: (f64, f64),
     full_above: f64,
 }
@@ -67,6 +69,8 @@ pub struct EngineCondition {
     pub ambient_pa: f64,
     /// Gas in the chamber, when that is a state; `None` is quasi-steady.
     pub chamber_gas: Option<ChamberGas>,
+    /// Fuel that comes off the grain, when that lags the oxidiser and is a state (kg/s); `None` follows at once.
+    pub fuel_flow_kg_s: Option<f64>,
     /// Flow that the tank's outlet can give (kg/s); infinite but in a depletion's tail.
     pub oxidizer_flow_limit_kg_s: f64,
 }
@@ -97,10 +101,14 @@ pub struct Near {
 /// The engine's answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OperatingPoint {
-    /// Oxidiser through valve and injector (kg/s).
+    /// Oxidiser through the injector (kg/s).
     pub oxidizer_kg_s: f64,
+    /// Oxidiser out of the tank (kg/s): the same, unless something between them stores.
+    pub tank_kg_s: f64,
     /// Fuel off the grain (kg/s).
     pub fuel_kg_s: f64,
+    /// Fuel flow to which a lagging one tends (kg/s); without a lag the same.
+    pub steady_fuel_kg_s: f64,
     /// Flow out of the nozzle (kg/s).
     pub nozzle_kg_s: f64,
     /// Oxidiser over fuel, of the flow, or of the chamber's gas when that is a state; 0 without fuel.
@@ -138,7 +146,7 @@ const STANDARD_AMBIENT_PA: f64 = 101_325.0;
 /// Quantities of one condition that every trial of the root shares.
 pub(super) struct Setting<'a> {
     pub(super) engine: &'a Engine,
-    condition: &'a EngineCondition,
+    pub(super) condition: &'a EngineCondition,
     throat: Throat,
     /// Oxidiser flux in the ports per flow (1/m²).
     flux_per_flow_1_m2: f64,
@@ -192,6 +200,7 @@ impl Engine {
             valve_area,
             valve_discharge_coefficient: feed.valve.discharge_coefficient,
             injector_area_m2: feed.injector.effective_area_m2(),
+            stores: FeedStores::new(feed),
             demand_kg_s,
         };
         engine.require_rising_thrust()?;
@@ -209,6 +218,7 @@ impl Engine {
                 burning_fraction: 1.0,
                 ambient_pa: STANDARD_AMBIENT_PA,
                 chamber_gas: None,
+                fuel_flow_kg_s: None,
                 oxidizer_flow_limit_kg_s: f64::INFINITY,
             };
             let setting = self.setting(&condition);
@@ -275,6 +285,7 @@ impl Engine {
             burning_fraction: 0.0,
             ambient_pa,
             chamber_gas: None,
+            fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: 0.0,
         };
         self.setting(&condition).closed(None, Near::default())
@@ -363,7 +374,7 @@ impl Engine {
             },
             flux_per_flow_1_m2: self.grain.flux_per_flow_1_m2(port_radius_m),
             fuel_per_regression: self.grain.fuel_per_regression_kg_m(port_radius_m)
-                * self.grain.regression_coefficient_si,
+                * self.grain.coefficient_si(),
             per_c_star: self.chamber.c_star_efficiency * per_cold_c_star,
             per_cold_c_star,
         }
@@ -380,19 +391,19 @@ pub struct EngineTexts<'a> {
 }
 
 /// What the root in P2 has found.
-struct Found {
-    injector_inlet_pa: f64,
-    quality: f64,
-    solved: bool,
-    guess: Guess,
+pub(super) struct Found {
+    pub(super) injector_inlet_pa: f64,
+    pub(super) quality: f64,
+    pub(super) solved: bool,
+    pub(super) guess: Guess,
 }
 
 /// State of a chamber whose gas is given.
-struct Held<'a> {
+pub(super) struct Held<'a> {
     gas: ChamberGas,
     of_ratio: f64,
     mixture: Mixture<'a>,
-    pressure: ChamberPressure,
+    pub(super) pressure: ChamberPressure,
     nozzle_kg_s: f64,
 }
 
@@ -400,7 +411,10 @@ impl<'a> Setting<'a> {
     /// Steady state of an oxidiser flow that burns altogether.
     #[inline]
     pub(super) fn burning(&self, oxidizer_kg_s: f64, near: &mut Near) -> Burning<'a> {
-        let fuel_kg_s = self.steady_fuel_kg_s(oxidizer_kg_s, near);
+        let fuel_kg_s = match self.condition.fuel_flow_kg_s {
+            None => self.steady_fuel_kg_s(oxidizer_kg_s, near),
+            Some(flow_kg_s) => self.lagged_fuel_kg_s(flow_kg_s, oxidizer_kg_s),
+        };
         let of_ratio = oxidizer_kg_s / fuel_kg_s;
         let mixture = self.engine.map.mixture(of_ratio);
         let per_c_star = (oxidizer_kg_s + fuel_kg_s) * self.per_c_star;
@@ -412,7 +426,7 @@ impl<'a> Setting<'a> {
 
     /// Fuel flow of oxidiser that burns altogether, Eq (5R) as surface times rate of regression.
     #[inline]
-    fn steady_fuel_kg_s(&self, oxidizer_kg_s: f64, near: &mut Near) -> f64 {
+    pub(super) fn steady_fuel_kg_s(&self, oxidizer_kg_s: f64, near: &mut Near) -> f64 {
         let flux = oxidizer_kg_s * self.flux_per_flow_1_m2;
         self.fuel_per_regression * self.engine.regression.of(flux, &mut near.regression)
     }
@@ -430,14 +444,14 @@ impl<'a> Setting<'a> {
 
     /// The burning flow if anything burns.
     #[inline]
-    fn burning_share_of(&self, oxidizer_kg_s: f64, near: &mut Near) -> Option<Burning<'a>> {
+    pub(super) fn burning_share_of(&self, oxidizer_kg_s: f64, near: &mut Near) -> Option<Burning<'a>> {
         (oxidizer_kg_s > 0.0 && self.condition.burning_fraction > 0.0)
             .then(|| self.burning(oxidizer_kg_s, near))
     }
 
     /// Pressure of a flow of which some burns and the rest does not.
     #[inline]
-    fn mixed_pa(&self, oxidizer_kg_s: f64, hot: Option<&Burning<'_>>) -> f64 {
+    pub(super) fn mixed_pa(&self, oxidizer_kg_s: f64, hot: Option<&Burning<'_>>) -> f64 {
         let f = self.condition.burning_fraction;
         match hot {
             None => self.cold_pa(oxidizer_kg_s),
@@ -460,7 +474,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Share of the fuel flow that burns off the grain.
-    fn burning_share(&self) -> f64 {
+    pub(super) fn burning_share(&self) -> f64 {
         if self.fuel_left() { self.condition.burning_fraction.clamp(0.0, 1.0) } else { 0.0 }
     }
 
@@ -480,7 +494,12 @@ impl<'a> Setting<'a> {
         fuel_kg_s / self.engine.grain.fuel_per_regression_kg_m(self.condition.port_radius_m)
     }
 
-    fn steady_point(&self, oxidizer_kg_s: f64, hot: Option<Burning<'_>>, found: Found) -> OperatingPoint {
+    pub(super) fn steady_point(
+        &self,
+        oxidizer_kg_s: f64,
+        hot: Option<Burning<'_>>,
+        found: Found,
+    ) -> OperatingPoint {
         let mut guess = found.guess;
         if oxidizer_kg_s <= 0.0 {
             return self.closed(None, guess.near);
@@ -489,11 +508,19 @@ impl<'a> Setting<'a> {
         let hot = hot.unwrap_or_else(|| self.burning(oxidizer_kg_s, &mut guess.near));
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let (thrust_n, nozzle_flow) = self.thrust(oxidizer_kg_s, &hot);
-        let fuel_kg_s = self.burning_share() * hot.fuel_kg_s;
+        let share = self.burning_share();
+        let fuel_kg_s = share * hot.fuel_kg_s;
+        let lags = self.condition.fuel_flow_kg_s.is_some();
         let nozzle_kg_s = oxidizer_kg_s + fuel_kg_s;
         OperatingPoint {
             oxidizer_kg_s,
+            tank_kg_s: oxidizer_kg_s,
             fuel_kg_s,
+            steady_fuel_kg_s: if lags {
+                share * self.steady_fuel_kg_s(oxidizer_kg_s, &mut guess.near)
+            } else {
+                fuel_kg_s
+            },
             nozzle_kg_s,
             of_ratio: if f >= 1.0 && fuel_kg_s > 0.0 {
                 hot.of_ratio
@@ -515,7 +542,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Pressure and outflow of the gas in the chamber.
-    fn held(&self, gas: ChamberGas, near: &mut Near) -> Held<'a> {
+    pub(super) fn held(&self, gas: ChamberGas, near: &mut Near) -> Held<'a> {
         let engine = self.engine;
         let (oxidizer_kg, fuel_kg) = (gas.oxidizer_kg.max(0.0), gas.fuel_kg.max(0.0));
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
@@ -547,10 +574,15 @@ impl<'a> Setting<'a> {
         }
     }
 
-    fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
+    pub(super) fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let mut guess = found.guess;
-        let fuel_kg_s = self.burning_share() * self.steady_fuel_kg_s(oxidizer_kg_s.max(0.0), &mut guess.near);
+        let share = self.burning_share();
+        let steady_fuel_kg_s = share * self.steady_fuel_kg_s(oxidizer_kg_s.max(0.0), &mut guess.near);
+        let fuel_kg_s = match self.condition.fuel_flow_kg_s {
+            None => steady_fuel_kg_s,
+            Some(flow_kg_s) => share * self.lagged_fuel_kg_s(flow_kg_s, oxidizer_kg_s),
+        };
         let (hot_n, nozzle_flow) = self.engine.nozzle.thrust(&self.throat, &held.mixture, held.pressure);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.engine.cold_flow_isp_s * held.nozzle_kg_s;
         let thrust_n = if held.nozzle_kg_s > 0.0 { f * hot_n + (1.0 - f) * cold_n } else { 0.0 };
@@ -559,7 +591,9 @@ impl<'a> Setting<'a> {
         let burns = held.nozzle_kg_s > 0.0;
         OperatingPoint {
             oxidizer_kg_s,
+            tank_kg_s: oxidizer_kg_s,
             fuel_kg_s,
+            steady_fuel_kg_s,
             nozzle_kg_s: held.nozzle_kg_s,
             of_ratio: held.of_ratio,
             chamber_pa: held.pressure.pa,
@@ -580,7 +614,7 @@ impl<'a> Setting<'a> {
     }
 
     /// No oxidiser flows; a chamber that still holds gas empties.
-    fn closed(&self, held: Option<Held<'_>>, near: Near) -> OperatingPoint {
+    pub(super) fn closed(&self, held: Option<Held<'_>>, near: Near) -> OperatingPoint {
         let ambient_pa = self.condition.ambient_pa;
         if let Some(held) = held {
             let guess = Guess { near, ..Guess::default() };
@@ -589,7 +623,9 @@ impl<'a> Setting<'a> {
         }
         OperatingPoint {
             oxidizer_kg_s: 0.0,
+            tank_kg_s: 0.0,
             fuel_kg_s: 0.0,
+            steady_fuel_kg_s: 0.0,
             nozzle_kg_s: 0.0,
             of_ratio: 0.0,
             chamber_pa: ambient_pa,

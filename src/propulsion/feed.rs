@@ -46,7 +46,8 @@ pub struct Manifold {
     pub volume_m3: f64,
     /// Whether the pressure P2 is a state.
     pub model: ManifoldModel,
-    /// Lag of P2 below which it is taken as quasi-steady (s).
+    /// Lag of P2 below which the implicit model takes one stage a step instead of two (s): quasi-steady but for
+    /// what the manifold stores in the step, so that nothing jumps.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub quasi_steady_below_s: f64,
 }
@@ -57,8 +58,27 @@ pub struct Manifold {
 pub enum ManifoldModel {
     /// The flows of valve and injector are equal at every instant.
     QuasiSteady,
-    /// The pressure is a state, integrated implicitly.
+    /// The content is a state, and the pressure with it; integrated implicitly.
     Implicit,
+}
+
+/// Liquid column between tank and valve: the `[feed.line]` table.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    /// Length of the column (m).
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub length_m: f64,
+    /// Cross-section (m²).
+    #[schemars(range(min = 1e-6, max = 0.01))]
+    pub area_m2: f64,
+    /// Whether the weight of the liquid adds to the pressure at the valve.
+    #[serde(default)]
+    pub static_head: bool,
+    /// Height of the tank's floor above the valve (m), for the static head.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub drop_m: f64,
 }
 
 /// Isolation valve: the `[feed.isolation]` table.

@@ -6,7 +6,7 @@
 //! between the pressures at which they have kinks, when the tank's state changes, and cost a
 //! look-up each afterwards.
 
-use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
+use super::injector::{OrificePressures, SinglePhase, flashing_flux_kg_m2_s};
 use crate::fluid::{Nitrous, Stagnation};
 use crate::interpolate::{Bracket, UniformCubic, bracketed_root};
 
@@ -65,6 +65,8 @@ pub struct FeedMap {
     flash_pa: f64,
     valve_critical_pa: f64,
     valve_critical_flux: f64,
+    valve_single_phase: SinglePhase,
+    injector_single_phase: SinglePhase,
     flashing: [Piece; PIECES],
     flashing_count: usize,
     liquid: [Piece; PIECES],
@@ -89,6 +91,8 @@ impl FeedMap {
             flash_pa: 0.0,
             valve_critical_pa: 0.0,
             valve_critical_flux: 0.0,
+            valve_single_phase: SinglePhase::Incompressible,
+            injector_single_phase: SinglePhase::Incompressible,
             flashing: std::array::from_fn(|_| piece(FLASHING_NODES)),
             flashing_count: 0,
             liquid: std::array::from_fn(|_| piece(LIQUID_NODES)),
@@ -96,6 +100,11 @@ impl FeedMap {
         };
         map.rebuild(tank_pa, tank_k);
         map
+    }
+
+    /// The same with another form of the flux of valve and injector below their critical pressures.
+    pub fn with_single_phase(self, valve: SinglePhase, injector: SinglePhase) -> Self {
+        Self { valve_single_phase: valve, injector_single_phase: injector, ..self }
     }
 
     /// Follows the tank to another state; does nothing when it is the same. No allocation.
@@ -197,7 +206,7 @@ impl FeedMap {
         let tank = &self.tank;
         let pressures = OrificePressures {
             upstream_pa: tank.pressure_pa,
-            downstream_pa: inlet_pa,
+            downstream_pa: self.valve_single_phase.felt_pa(inlet_pa, self.valve_critical_pa),
             vapor_pa: tank.vapor_pressure_pa,
         };
         let valve_flux = flashing_flux_kg_m2_s(pressures, tank.density_kg_m3, || {
@@ -227,7 +236,7 @@ impl FeedMap {
     pub fn injector_flux_kg_m2_s(&self, inlet: &Inlet, chamber_pa: f64) -> f64 {
         let pressures = OrificePressures {
             upstream_pa: inlet.state.pressure_pa,
-            downstream_pa: chamber_pa,
+            downstream_pa: self.injector_single_phase.felt_pa(chamber_pa, inlet.critical_pa),
             vapor_pa: inlet.state.vapor_pressure_pa,
         };
         flashing_flux_kg_m2_s(pressures, inlet.state.density_kg_m3, || {
@@ -253,7 +262,7 @@ impl FeedMap {
         let flashing = inlet_pa < self.flash_pa;
         let pressures = OrificePressures {
             upstream_pa: tank.pressure_pa,
-            downstream_pa: inlet_pa,
+            downstream_pa: self.valve_single_phase.felt_pa(inlet_pa, self.valve_critical_pa),
             vapor_pa: tank.vapor_pressure_pa,
         };
         let choked_pa = inlet_pa.max(self.valve_critical_pa);

@@ -39,14 +39,34 @@ pub struct Grain {
     /// Height of the fore end above the gimbal pivot (m).
     #[schemars(range(min = -10.0, max = 10.0))]
     pub top_z_m: f64,
-    /// First-order lag of the fuel flow (s); 0 is none.
+    /// Exponent m of the grain's length in dR/dt = a G^n L^m; 0 leaves the length out.
+    #[serde(default)]
+    #[schemars(range(min = -1.0, max = 1.0))]
+    pub length_exponent: f64,
+    /// First-order lag of the fuel flow (s); 0 is none, else at least 1 ms.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub fuel_flow_lag_s: f64,
 }
 
+/// Shortest lag that a step of 1 ms resolves (s).
+const LEAST_LAG_S: f64 = 1e-3;
+
 impl Grain {
+    /// a L^m: the coefficient of the flux law for this grain.
+    pub(super) fn coefficient_si(&self) -> f64 {
+        if self.length_exponent == 0.0 {
+            return self.regression_coefficient_si;
+        }
+        self.regression_coefficient_si * libm::pow(self.length_m, self.length_exponent)
+    }
+
     /// Rules between the keys.
     pub fn validate(&self) -> Result<(), Invalid> {
+        let lag_s = self.fuel_flow_lag_s;
+        if lag_s > 0.0 && lag_s < LEAST_LAG_S {
+            let message = format!("{lag_s} is out of range; allowed 0, or {LEAST_LAG_S} and more");
+            return Err(Invalid::new("fuel_flow_lag_s", message));
+        }
         let limit_m = self.burn_through_radius_m();
         if self.port_radius_m >= limit_m {
             let message =
@@ -101,7 +121,7 @@ impl Grain {
         let n = self.regression_exponent;
         let p = 2.0 * n + 1.0;
         let flow = oxidizer_kg_s.max(0.0) / (PI * f64::from(self.port_count));
-        let grown = self.regression_coefficient_si * p * libm::pow(flow, n) * time_s;
+        let grown = self.coefficient_si() * p * libm::pow(flow, n) * time_s;
         // As a ratio to the start, so that a short step keeps its digits.
         let ratio = libm::log1p(grown / libm::pow(port_radius_m, p)) / p;
         (port_radius_m * libm::exp(ratio)).min(self.burn_through_radius_m().max(port_radius_m))
@@ -119,7 +139,7 @@ impl Grain {
     /// Rate of regression (m/s) under an oxidiser flow, Eq 3.
     pub fn regression_rate_m_s(&self, oxidizer_kg_s: f64, port_radius_m: f64) -> f64 {
         let area_m2 = PI * f64::from(self.port_count) * port_radius_m * port_radius_m;
-        self.regression_coefficient_si * libm::pow(oxidizer_kg_s.max(0.0) / area_m2, self.regression_exponent)
+        self.coefficient_si() * libm::pow(oxidizer_kg_s.max(0.0) / area_m2, self.regression_exponent)
     }
 }
 
@@ -137,6 +157,7 @@ pub(super) mod tests {
             outer_radius_m: 0.068,
             length_m: 0.250,
             top_z_m: -0.055,
+            length_exponent: 0.0,
             fuel_flow_lag_s: 0.0,
         }
     }

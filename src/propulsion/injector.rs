@@ -7,6 +7,14 @@
 //! Source: Dyer, Zilliac, Sadhwani, Karabeyoglu and Cantwell, AIAA 2007-5702, with the weights as corrected
 //! by Solomon, Utah State University, 2011. Added here: the HEM part is held at its greatest value below
 //! the critical pressure, since a back pressure cannot reduce a choked flow.
+//!
+//! The SPI part still grows without limit as the back pressure falls. [`SinglePhase::Choked`] evaluates it,
+//! and κ, at max(P_d, P_critical): below the critical pressure the whole flux is constant, which is what
+//! injectors of nitrous oxide do (Waxman, Zimmerman, Cantwell and Zilliac, AIAA 2013-3636: flow independent
+//! of the back pressure below a critical one; not checked in the original). Taken in SPI alone the weights
+//! would still move with P_d, toward the lesser HEM, and a falling back pressure would reduce the flow.
+//! The choking pressure is that of homogeneous equilibrium, so this bounds the flux from below as the
+//! unlimited form does from above.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,6 +32,31 @@ pub struct Injector {
     /// Discharge coefficient, of the holes' area.
     #[schemars(range(min = 0.1, max = 1.0))]
     pub discharge_coefficient: f64,
+    /// Single-phase part of the flux below the critical pressure.
+    #[serde(default)]
+    pub single_phase: SinglePhase,
+}
+
+/// What the single-phase part of an orifice's flux does below the critical pressure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SinglePhase {
+    /// It grows as the back pressure falls: Dyer's form.
+    #[default]
+    Incompressible,
+    /// It stays what it is at the critical pressure.
+    Choked,
+}
+
+impl SinglePhase {
+    /// Back pressure that the orifice feels (Pa).
+    #[inline]
+    pub fn felt_pa(self, downstream_pa: f64, critical_pa: f64) -> f64 {
+        match self {
+            Self::Incompressible => downstream_pa,
+            Self::Choked => downstream_pa.max(critical_pa),
+        }
+    }
 }
 
 impl Injector {

@@ -24,8 +24,8 @@ pub struct Inverse {
 const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 
 impl Engine {
-    /// Valve angle for a steady thrust. The chamber's gas, if it is a state, is not looked at: the answer is
-    /// for the steady engine.
+    /// Valve angle for a steady thrust. What lags in the engine, chamber gas or fuel flow, is not looked at:
+    /// the answer is for the steady engine.
     pub fn inverse(
         &self,
         feed: &FeedMap,
@@ -33,7 +33,7 @@ impl Engine {
         condition: &EngineCondition,
         guess: Guess,
     ) -> Inverse {
-        let steady = EngineCondition { chamber_gas: None, ..*condition };
+        let steady = EngineCondition { chamber_gas: None, fuel_flow_kg_s: None, ..*condition };
         let setting = self.setting(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
         let mut near = guess.near;

@@ -17,6 +17,7 @@ mod grain;
 mod ignition;
 mod injector;
 mod inverse;
+mod manifold;
 mod nozzle;
 mod paper;
 mod pressurant;
@@ -29,12 +30,13 @@ use serde::{Deserialize, Serialize};
 pub use chamber::{Chamber, ChamberGas, ChamberGasRate, ChamberModel};
 pub use combustion::{CombustionMap, Map};
 pub use engine::{Engine, EngineCondition, EngineError, EngineTexts, Guess, OperatingPoint};
-pub use feed::{Isolation, Manifold, ManifoldModel, Tank, Vent, VentedGas};
+pub use feed::{Isolation, Line, Manifold, ManifoldModel, Tank, Vent, VentedGas};
 pub use feed_map::{FeedMap, Inlet};
 pub use grain::Grain;
 pub use ignition::{BelowMinimum, Depletion, Flame, FlameConditions, Ignition};
-pub use injector::Injector;
+pub use injector::{Injector, SinglePhase};
 pub use inverse::Inverse;
+pub use manifold::{FeedInput, FeedPoint, FeedState, FeedStep, Stages};
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
 pub use paper::{Candidate, PaperEngine};
 pub use pressurant::{
@@ -69,6 +71,9 @@ pub struct FeedParameters {
     pub tank: Tank,
     /// Throttle valve and its servo.
     pub valve: Valve,
+    /// Pipe between tank and valve; without it no inertia and no static head.
+    #[serde(default)]
+    pub line: Option<Line>,
     /// Pipe between valve and injector.
     pub manifold: Manifold,
     /// Injector.

@@ -217,7 +217,9 @@ impl PaperEngine {
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         OperatingPoint {
             oxidizer_kg_s: mixed.oxidizer_kg_s,
+            tank_kg_s: mixed.oxidizer_kg_s,
             fuel_kg_s: mixed.fuel_kg_s,
+            steady_fuel_kg_s: mixed.fuel_kg_s,
             nozzle_kg_s: total_kg_s,
             of_ratio: if mixed.fuel_kg_s > 0.0 { mixed.oxidizer_kg_s / mixed.fuel_kg_s } else { 0.0 },
             chamber_pa: mixed.chamber_pa,

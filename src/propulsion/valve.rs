@@ -16,6 +16,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::engine::EngineError;
+use super::injector::SinglePhase;
 use crate::input::Invalid;
 use crate::interpolate::{
     Monotone,
@@ -42,6 +43,9 @@ pub struct Valve {
     /// Discharge coefficient, of the open area.
     #[schemars(range(min = 0.1, max = 1.0))]
     pub discharge_coefficient: f64,
+    /// Single-phase part of the flux below the critical pressure.
+    #[serde(default)]
+    pub single_phase: SinglePhase,
     /// Radius of the seat (m).
     #[schemars(range(min = 1e-3, max = 0.1))]
     pub seat_radius_m: f64,
@@ -291,6 +295,7 @@ mod tests {
             delay_s: 0.0,
             backlash_rad: 0.0,
             friction_rad: 0.0,
+            single_phase: SinglePhase::default(),
             encoder_resolution_rad: 0.0,
         }
     }

@@ -362,8 +362,8 @@ impl Flight {
             mass: MassBalance {
                 initial_kg: start.mass_kg,
                 final_kg: end.mass_kg,
-                closure_error_kg: (start.mass_kg + start.chamber_gas_kg)
-                    - (end.mass_kg + end.chamber_gas_kg)
+                closure_error_kg: (start.mass_kg + start.manifold_kg + start.chamber_gas_kg)
+                    - (end.mass_kg + end.manifold_kg + end.chamber_gas_kg)
                     - (nozzle + rcs + vent),
             },
             timing: Timing { simulated_s: end.time.s(), steps: self.steps, ..Timing::default() },

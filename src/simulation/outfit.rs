@@ -13,7 +13,7 @@ use crate::dynamics::mass::{Contents, ContentsRate};
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::noise::sample_std;
-use crate::propulsion::{EngineCondition, FeedMap, Guess};
+use crate::propulsion::{EngineCondition, Guess};
 use crate::scenario::{Fidelity, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -166,13 +166,14 @@ fn propellant(vehicle: &Vehicle) -> PropellantParameters {
 /// Times and thresholds of the start, from the engine's own.
 fn sequence(vehicle: &Vehicle, ambient_pa: f64) -> SequenceParameters {
     let ignition = &vehicle.engine_parameters.ignition;
-    let feed = FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
+    let feed = vehicle.engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let condition = EngineCondition {
         port_radius_m: vehicle.engine.grain().port_radius_m,
         throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
         burning_fraction: 1.0,
         ambient_pa,
         chamber_gas: None,
+        fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     };
     let idle =
@@ -192,7 +193,7 @@ fn sequence(vehicle: &Vehicle, ambient_pa: f64) -> SequenceParameters {
 /// The engine's inverse over thrust and port radius, throat as at the start.
 fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
     let engine = &vehicle.engine;
-    let feed = FeedMap::new(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
+    let feed = vehicle.engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let spread = |low: f64, high: f64, nodes: usize| -> Vec<f64> {
         (0..nodes).map(|i| low + (high - low) * i as f64 / (nodes - 1) as f64).collect()
     };
@@ -214,6 +215,7 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
             burning_fraction: 1.0,
             ambient_pa,
             chamber_gas: None,
+            fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: f64::INFINITY,
         };
         let points: Vec<_> =

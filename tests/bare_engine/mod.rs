@@ -52,6 +52,7 @@ pub fn condition(port_mm: f64, throat_mm: f64) -> EngineCondition {
         burning_fraction: 1.0,
         ambient_pa: AMBIENT_PA,
         chamber_gas: None,
+        fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     }
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use hopbench::fluid::Nitrous;
 use hopbench::input::{Fault, InputError};
-use hopbench::propulsion::{EngineCondition, FeedMap, Guess};
+use hopbench::propulsion::{EngineCondition, Guess};
 use hopbench::vehicle::Vehicle;
 
 use super::{Common, DONE, check, print_json, print_text};
@@ -74,13 +74,14 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         burning_fraction: 1.0,
         ambient_pa: vehicle.site.pressure_pa,
         chamber_gas: None,
+        fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
     };
     // The range of the tables; liquid stays liquid above its own vapour pressure only.
     within("--tank-k", tank_k, 240.0, 306.0)?;
     let least_bar = Nitrous::tables().vapor_pressure_pa(tank_k) * 1e-5;
     within("--tank-bar", tank_bar, least_bar, 80.0)?;
-    let feed = FeedMap::new(tank_bar * 1e5, tank_k);
+    let feed = engine.feed_map(tank_bar * 1e5, tank_k);
     let at_valve = |valve_rad: f64| {
         let area_m2 = engine.valve_area().area_m2(valve_rad);
         engine.operating_point(&feed, area_m2, &condition, Guess::default())

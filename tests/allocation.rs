@@ -1,0 +1,84 @@
+//! Invariant: a step of the plant asks the allocator for nothing, whatever it passes through.
+//!
+//! Every allocation of this thread is counted (crate `allocation-counter`). Steps at which an event is noted
+//! are left out: an event carries text.
+
+#[path = "files/mod.rs"]
+mod files;
+
+use allocation_counter::measure;
+use hopbench::plant::Plant;
+use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
+use hopbench::simulation::Flight;
+
+/// Steps the plant; allocations, or `None` when an event was noted.
+fn allocations(plant: &mut Plant, command: &ActuatorCommand) -> Option<u64> {
+    let counted = measure(|| plant.step(command)).count_total;
+    let quiet = plant.take_events().count() == 0;
+    quiet.then_some(counted)
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(measure(|| drop(std::hint::black_box(vec![0u8; 100]))).count_total, 1);
+}
+
+/// What the autopilot commands over the hop, pad to pad.
+fn commands_of_the_hop() -> Vec<ActuatorCommand> {
+    let mut flight = Flight::new(&files::scenario("hop_50m", &[]), 1).unwrap();
+    let (mut command, mut commands) = (ActuatorCommand::SAFE, Vec::new());
+    while flight.outcome().is_none() {
+        commands.push(command);
+        flight.step(&command);
+        if let Some(next) = flight.autopilot_command() {
+            command = next;
+        }
+    }
+    commands
+}
+
+#[test]
+fn no_step_of_a_hop_allocates() {
+    let mut plant = Plant::new(&files::scenario("hop_50m", &[])).unwrap();
+    let (mut counted, mut throttled, mut swung, mut standing, mut flying) = (0, 0, 0, 0, 0);
+    for command in commands_of_the_hop() {
+        let before = *plant.snapshot();
+        let Some(allocations) = allocations(&mut plant, &command) else { continue };
+        let now = plant.snapshot();
+        assert_eq!(allocations, 0, "at {} s", now.time.s());
+        counted += 1;
+        throttled += usize::from(now.lit && now.valve_rad != before.valve_rad);
+        swung += usize::from(now.gimbal_rad != before.gimbal_rad);
+        standing += usize::from(now.pads_down > 0);
+        flying += usize::from(now.pads_down == 0);
+    }
+    // The stretch holds what it is meant to hold: more than a second of each.
+    let least = [counted, throttled, swung, standing, flying].into_iter().min().unwrap();
+    assert!(least > 1_000, "{counted} {throttled} {swung} {standing} {flying}");
+}
+
+#[test]
+fn no_step_of_thruster_pulses_blow_down_and_depletion_allocates() {
+    let overrides =
+        [("initial.nitrous_kg", "3.0"), ("initial.nitrogen_kg", "1.5"), ("initial.clamped", "true")];
+    let mut plant = Plant::new(&files::scenario("hover_5m", &overrides)).unwrap();
+    let start_pa = plant.snapshot().tank_pa;
+    let (mut empty, mut pulsed) = (0, 0);
+    for step in 0..25_000 {
+        let throttle = Throttle::ThrustN(if step < 1_500 { 0.0 } else { 600.0 });
+        let command = ActuatorCommand {
+            armed: true,
+            throttle,
+            rcs_roll: 0.3,
+            discrete: Discrete::FLIGHT,
+            ..ActuatorCommand::SAFE
+        };
+        let Some(allocations) = allocations(&mut plant, &command) else { continue };
+        assert_eq!(allocations, 0, "at {} s", plant.time().s());
+        empty += usize::from(plant.snapshot().nitrous_kg < 0.05);
+        pulsed += usize::from(plant.snapshot().rcs_roll > 0.0);
+    }
+    // The tank blew down by far more than what rebuilds the feed's tables, and ran dry.
+    let fallen_pa = start_pa - plant.snapshot().tank_pa;
+    assert!(fallen_pa > 5e5 && empty > 100 && pulsed > 1_000, "{fallen_pa} {empty} {pulsed}");
+}
