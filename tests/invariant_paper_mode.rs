@@ -132,6 +132,26 @@ fn between_knots_the_rate_is_held_and_mass_is_closed() {
     }
 }
 
+#[test]
+fn better_models_of_the_vehicle_file_do_not_reach_the_paper() {
+    let mut keys = vec![("fidelity", "\"paper\""), ("duration_s", "2.0")];
+    let plain = flown(&files::scenario("open_loop_a", &keys), 100_000);
+    keys.extend([
+        ("vehicle.slosh.second_mode", "true"),
+        ("vehicle.slosh.hardening_law", "\"radial\""),
+        ("vehicle.slosh.baffle_damping_ratio", "0.05"),
+        ("vehicle.engine.grain.fuel_flow_lag_s", "0.1"),
+        ("vehicle.feed.manifold.model", "\"implicit\""),
+        ("model.chamber", "\"filling\""),
+        ("model.gimbal_inertia", "true"),
+    ]);
+    let better = flown(&files::scenario("open_loop_a", &keys), 100_000);
+    assert_eq!(apart(&plain, &better, |row| row.position_ned_m.norm()), 0.0);
+    assert_eq!(apart(&plain, &better, |row| row.slosh_m[1]), 0.0);
+    assert_eq!(apart(&plain, &better, |row| row.mass_kg), 0.0);
+    assert_eq!(apart(&plain, &better, |row| row.thrust_n), 0.0);
+}
+
 /// Without damping enough for the step, Euler's oscillator grows by |1 + λ dt|² = 1 - 2 ζ ω dt + ω² dt² a step in
 /// the form ω² x² + v² + 2 ζ ω x v.
 #[test]

@@ -48,6 +48,11 @@ class Flight:
     def quaternion(self):
         return np.column_stack([self[name] for name in ("qw", "qx", "qy", "qz")])
 
+    def axis(self):
+        """The long axis in the world."""
+        w, x, y, z = self.quaternion().T
+        return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
     def phases(self):
         """Start and end of the flight's phases (s), by name."""
         events = self.report["events"]
@@ -117,6 +122,7 @@ def apart(a, b):
         "position": np.linalg.norm(a.position()[i] - b.position()[j], axis=1),
         "velocity": np.linalg.norm(a.velocity()[i] - b.velocity()[j], axis=1),
         "attitude": np.degrees(angle),
+        "tilt": np.degrees(np.arccos(np.clip(np.sum(a.axis()[i] * b.axis()[j], axis=1), -1.0, 1.0))),
         "rate": np.degrees(np.linalg.norm(a.rate()[i] - b.rate()[j], axis=1)),
         "mass": column("mass_kg"),
         "com": column("com_z_m"),
@@ -164,7 +170,7 @@ def figure(rows, columns, height=2.3):
             "svg.hashsalt": "hopbench",
             "svg.fonttype": "none",
             "path.simplify": True,
-            "path.simplify_threshold": 1.0,
+            "path.simplify_threshold": 0.2,
             "legend.frameon": False,
         }
     )

@@ -71,10 +71,10 @@ SCHEMES = [
     ("full, Euler, liquid frozen", 0.02, {**EULER, "physics.freeze": ["slosh"]}),
     ("full, RK4, liquid frozen", 0.001, {"physics.freeze": ["slosh"]}),
     ("paper mode", 0.02, PAPER),
-    ("paper mode, no slosh", 0.02, {**PAPER, **DRY}),
-    ("paper mode, no slosh", 0.001, {**PAPER, **DRY}),
-    ("paper mode, efficiency in Eq 10, no slosh", 0.02, {**CONSISTENT, **DRY}),
-    ("paper mode, efficiency in Eq 10, no slosh", 0.001, {**CONSISTENT, **DRY}),
+    ("paper mode, no slosh force", 0.02, {**PAPER, **DRY}),
+    ("paper mode, no slosh force", 0.001, {**PAPER, **DRY}),
+    ("paper mode, no slosh force, efficiency in Eq 10", 0.02, {**CONSISTENT, **DRY}),
+    ("paper mode, no slosh force, efficiency in Eq 10", 0.001, {**CONSISTENT, **DRY}),
 ]
 
 
@@ -189,7 +189,7 @@ def main():
               ("com", "centre of mass, mm", 1e3), ("ixx", "Ixx, kg m²", 1), ("thrust", "thrust, N", 1)]
     lines = [
         ("paper mode", 0.02, "C3", "paper mode, 20 ms"),
-        ("paper mode, efficiency in Eq 10, no slosh", 0.001, "C1", "its model alone: 1 ms, efficiency in Eq 10, no slosh"),
+        ("paper mode, no slosh force, efficiency in Eq 10", 0.001, "C1", "its model alone: 1 ms, efficiency in Eq 10, no slosh"),
         ("full, Euler, liquid frozen", 0.02, "C0", "full model, Euler 20 ms, liquid frozen"),
         ("full, RK4", 0.005, "C2", "full model, RK4 5 ms"),
     ]
