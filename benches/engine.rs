@@ -48,6 +48,7 @@ fn main() {
         chamber_gas: None,
         fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     };
     for degrees in [8.0f64, 15.0, 21.0, 25.0, 28.9] {
         let area = engine.valve_area().area_m2(degrees.to_radians());

@@ -19,9 +19,10 @@ use crate::fluid::{Isotherm, Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
-    BottleModel, ChamberModel, Engine, EngineError, EngineParameters, EngineTexts, FeedParameters, Isolation,
-    NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl,
-    Tank, Vent, VentedGas,
+    BottleModel, ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts,
+    FeedParameters, GasBalance, GasState, GasView, Isolation, ManifoldModel, NitrogenInventory,
+    NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl, Stores, StoresRate,
+    Tank, UllageModel, Uncovering, Vent, VentedGas, Withdrawal,
 };
 use crate::sensor::SensorParameters;
 
@@ -252,7 +253,7 @@ impl VehicleFile {
                 faults.push(fault.within(parent));
             }
         };
-        self.refuse_what_is_not_built(&mut note);
+        self.refuse_gas_in_a_feed_that_stores(&mut note);
         note(self.rcs.validate(), "rcs");
         note(self.sensors.validate(), "sensors");
         note(self.controls.validate(), "controls");
@@ -267,25 +268,13 @@ impl VehicleFile {
 }
 
 impl VehicleFile {
-    /// Choices that the schema knows and no model serves yet: refused, not ignored.
-    fn refuse_what_is_not_built(&self, note: &mut impl FnMut(Result<(), Invalid>, &str)) {
-        let (feed, pressurant) = (&self.feed, &self.pressurant);
-        let mut only = |holds: bool, key: &str, allowed: &str| {
-            if !holds {
-                note(Err(Invalid::new("", format!("this choice is not built yet; allowed {allowed}"))), key);
-            }
-        };
-        only(pressurant.bottle.model == BottleModel::Isothermal, "pressurant.bottle.model", "\"isothermal\"");
-        let regulator = &pressurant.regulator;
-        only(regulator.droop_pa_s_kg == 0.0, "pressurant.regulator.droop_pa_s_kg", "0");
-        only(regulator.lockup_pa == 0.0, "pressurant.regulator.lockup_pa", "0");
-        only(
-            regulator.set_pressure_pa == feed.tank.pressure_pa,
-            "pressurant.regulator.set_pressure_pa",
-            "feed.tank.pressure_pa",
-        );
-        only(!feed.isolation.open_without_power, "feed.isolation.open_without_power", "false");
-        only(feed.vent.open_without_power, "feed.vent.open_without_power", "true");
+    /// An outlet that uncovers passes gas, and a feed system that stores holds liquid or its vapour alone.
+    fn refuse_gas_in_a_feed_that_stores(&self, note: &mut impl FnMut(Result<(), Invalid>, &str)) {
+        let stores = self.feed.manifold.model == ManifoldModel::Implicit || self.feed.line.is_some();
+        if self.engine.depletion.model == DepletionModel::TwoPhase && stores {
+            let message = "\"two_phase\" needs feed.manifold.model = \"quasi_steady\" and no [feed.line]";
+            note(Err(Invalid::new("", message)), "engine.depletion.model");
+        }
     }
 }
 
@@ -312,6 +301,66 @@ pub enum VehicleError {
     /// A key contradicts a table or another key.
     #[error("{0}")]
     Invalid(#[from] Invalid),
+}
+
+/// How the gas in bottle and tank is modelled: chosen once, by [`GasModel::of`].
+#[derive(Clone, Debug)]
+pub enum GasModel {
+    /// One mass of nitrogen, distributed by algebra at constant temperature.
+    Distributed,
+    /// Masses and temperatures are states.
+    Balanced(Box<GasBalance>),
+}
+
+/// Bottle and tank at one instant, by either model.
+#[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant)] // lives on the stack for one evaluation
+pub enum GasSupply {
+    /// Distributed by algebra.
+    Distributed(NitrogenState),
+    /// From states.
+    Balanced(GasView),
+}
+
+impl GasModel {
+    /// Balances for whatever constant temperature and a constant outlet pressure cannot serve.
+    fn of(file: &VehicleFile, liquid_kg_m3: f64) -> Self {
+        let (tank, regulator) = (&file.feed.tank, &file.pressurant.regulator);
+        let distributed = file.pressurant.bottle.model == BottleModel::Isothermal
+            && tank.ullage.model == UllageModel::ConstantTemperature
+            && regulator.droop_pa_s_kg == 0.0
+            && regulator.lockup_pa == 0.0
+            && regulator.set_pressure_pa == tank.pressure_pa
+            && file.engine.depletion.model == DepletionModel::TimeConstant;
+        if distributed {
+            return Self::Distributed;
+        }
+        Self::Balanced(Box::new(GasBalance::new(&file.pressurant, tank, liquid_kg_m3)))
+    }
+}
+
+impl GasSupply {
+    /// Pressures and masses.
+    pub fn nitrogen(&self) -> &NitrogenState {
+        match self {
+            Self::Distributed(nitrogen) => nitrogen,
+            Self::Balanced(view) => &view.nitrogen,
+        }
+    }
+
+    /// Shares of what thrusters and vent want (kg/s) that are there, where each takes `drain_s` at least to
+    /// empty its store; 1 or above, or no number, where there is plenty.
+    #[inline]
+    pub fn shares_left(&self, stores: &Stores, wanted_kg_s: [f64; 2], drain_s: f64) -> [f64; 2] {
+        let [thrusters, vent] = wanted_kg_s;
+        match self {
+            Self::Distributed(_) => [stores.nitrogen_kg.max(0.0) / (drain_s * (thrusters + vent)); 2],
+            Self::Balanced(view) => {
+                let NitrogenState { tank_kg, vapor_kg, bottle_kg, .. } = view.nitrogen;
+                [bottle_kg / (drain_s * thrusters), (tank_kg + vapor_kg) / (drain_s * vent)]
+            }
+        }
+    }
 }
 
 /// A vehicle, ready for a plant: parameters in body FRD, tables parsed.
@@ -341,6 +390,10 @@ pub struct Vehicle {
     pub pressurant: Pressurant,
     /// What is in the bottle and above the liquid.
     pub pressurant_gas: PressurantGas,
+    /// How that gas is modelled.
+    pub gas_model: GasModel,
+    /// How the tank's outlet uncovers, where gas may follow the liquid.
+    pub uncovering: Option<Uncovering>,
     /// Servo of the throttle valve.
     pub valve_servo: Servo,
     /// Servo of either gimbal axis.
@@ -384,6 +437,20 @@ impl Vehicle {
             e => VehicleError::Table { table: Table::Map, message: e.to_string() },
         })?;
         let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
+        let nitrous = Nitrous::tables().liquid(tank.pressure_pa, tank.temperature_k);
+        let gas_model = GasModel::of(&file, nitrous.density_kg_m3);
+        let uncovering = (file.engine.depletion.model == DepletionModel::TwoPhase).then(|| {
+            let density = nitrous.density_kg_m3;
+            let injector_m2 = file.feed.injector.effective_area_m2();
+            Uncovering::new(
+                tank.unusable_nitrous_kg,
+                density * file.feed.manifold.volume_m3,
+                // Liquid that does not boil, from the greatest pressure of the file into none.
+                injector_m2
+                    * (2.0 * density * tank.pressure_pa.max(file.pressurant.regulator.set_pressure_pa))
+                        .sqrt(),
+            )
+        });
         let parts = file.component.iter().enumerate();
         let mut components = parts
             .map(|(i, part)| part.component().map_err(|fault| fault.within(&format!("component.{i}"))))
@@ -424,10 +491,10 @@ impl Vehicle {
             },
             file.slosh.roll_inertia_factor,
         );
-        let nitrous = Nitrous::tables().liquid(tank.pressure_pa, tank.temperature_k);
         let pressurant_gas = PressurantGas {
             bottle: Isotherm::new(bottle.temperature_k),
             ullage: Isotherm::new(tank.temperature_k),
+            ullage_k: tank.temperature_k,
         };
         let valve = &file.feed.valve;
         Ok(Self {
@@ -452,6 +519,8 @@ impl Vehicle {
             isolation: file.feed.isolation,
             vent: file.feed.vent,
             pressurant_gas,
+            gas_model,
+            uncovering,
             pressurant: file.pressurant,
             rating: file.vehicle,
             controls: file.controls,
@@ -475,10 +544,8 @@ impl Vehicle {
         self.gimbal.engine_inertia = false;
         self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
         self.engine_parameters.grain.fuel_flow_lag_s = 0.0;
-        let pressurant = &mut self.pressurant;
-        pressurant.bottle.model = BottleModel::Isothermal;
-        pressurant.regulator.droop_pa_s_kg = 0.0;
-        pressurant.regulator.lockup_pa = 0.0;
+        self.gas_model = GasModel::Distributed;
+        self.uncovering = None;
     }
 
     /// Liquid that the run tank holds at the start (kg).
@@ -493,7 +560,12 @@ impl Vehicle {
 
     /// Nitrogen at the start, bottle and run tank, above so much liquid (kg).
     pub fn initial_nitrogen_kg(&self, nitrous_kg: f64) -> f64 {
-        let density = Nitrogen::tables().density_kg_m3(self.tank.pressure_pa, self.tank.temperature_k);
+        let vapor_pa = match &self.gas_model {
+            GasModel::Distributed => 0.0,
+            GasModel::Balanced(balance) => balance.initial_vapor_pa(self.tank.temperature_k),
+        };
+        let nitrogen_pa = (self.tank.pressure_pa - vapor_pa).max(0.0);
+        let density = Nitrogen::tables().density_kg_m3(nitrogen_pa, self.tank.temperature_k);
         self.pressurant.initial_bottle_kg() + density * self.ullage_m3(nitrous_kg)
     }
 
@@ -508,7 +580,53 @@ impl Vehicle {
         rcs.loads(&PairLevels { a: 0.0, b: 1.0 }, rcs.supply_minimum_pa).moment_body_n_m.z
     }
 
-    /// Where the nitrogen is.
+    /// The gas at the start, of so much nitrogen above so much liquid; nothing where it is no state.
+    pub fn initial_gas(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> GasState {
+        let GasModel::Balanced(balance) = &self.gas_model else {
+            return GasState::default();
+        };
+        let bottle_kg = self.pressurant.initial_bottle_kg();
+        let full_kg = self.initial_nitrogen_kg(nitrous_kg) - bottle_kg;
+        // Too little for bottle and tank: as much in the tank as a lost regulator leaves there.
+        let split = self.nitrogen(nitrogen_kg, nitrous_kg, ambient_pa);
+        let tank_kg = if split.regulated { full_kg } else { full_kg.min(split.tank_kg) };
+        balance.initial((nitrogen_kg - tank_kg).max(0.0), nitrous_kg, self.tank.temperature_k)
+    }
+
+    /// Bottle and tank, by the model that was chosen.
+    #[inline]
+    pub fn gas_supply(&self, stores: &Stores, ambient_pa: f64) -> GasSupply {
+        match &self.gas_model {
+            GasModel::Distributed => {
+                GasSupply::Distributed(self.nitrogen(stores.nitrogen_kg, stores.nitrous_kg, ambient_pa))
+            }
+            GasModel::Balanced(balance) => GasSupply::Balanced(balance.look(stores)),
+        }
+    }
+
+    /// How bottle and tank change.
+    #[inline]
+    pub fn gas_rate(&self, stores: &Stores, supply: &GasSupply, out: &Withdrawal) -> StoresRate {
+        match (&self.gas_model, supply) {
+            (GasModel::Balanced(balance), GasSupply::Balanced(view)) => balance.rate(view, out),
+            _ => {
+                // What fills the room that the liquid leaves, at constant pressure.
+                let ullage_m3 = self.ullage_m3(stores.nitrous_kg);
+                let tank_kg = supply.nitrogen().tank_kg;
+                let ullage_kg_m3 = if ullage_m3 > 0.0 { tank_kg / ullage_m3 } else { 0.0 };
+                let nitrogen_kg_s = -(out.thrusters_kg_s + out.gas_kg_s);
+                let run_tank_kg_s = ullage_kg_m3 * out.liquid_kg_s / self.nitrous_density_kg_m3;
+                StoresRate {
+                    nitrogen_kg_s,
+                    run_tank_kg_s,
+                    total_kg_s: nitrogen_kg_s,
+                    ..StoresRate::default()
+                }
+            }
+        }
+    }
+
+    /// Where the nitrogen is, distributed by algebra.
     pub fn nitrogen(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> NitrogenState {
         let inventory =
             NitrogenInventory { total_kg: nitrogen_kg, ullage_m3: self.ullage_m3(nitrous_kg), ambient_pa };
@@ -516,12 +634,18 @@ impl Vehicle {
     }
 
     /// Flow through the vent (kg/s), `opened` 0 to 1.
-    pub fn vent_kg_s(&self, nitrogen: &NitrogenState, opened: f64, ambient_pa: f64) -> f64 {
+    pub fn vent_kg_s(&self, supply: &GasSupply, opened: f64, ambient_pa: f64) -> f64 {
         if opened <= 0.0 {
             return 0.0;
         }
-        let density_kg_m3 = Nitrogen::tables().density_kg_m3(nitrogen.tank_pa, self.tank.temperature_k);
-        self.vent.flow_kg_s(&VentedGas { pressure_pa: nitrogen.tank_pa, density_kg_m3, ambient_pa }, opened)
+        let pressure_pa = supply.nitrogen().tank_pa;
+        let density_kg_m3 = match supply {
+            GasSupply::Distributed(_) => {
+                Nitrogen::tables().density_kg_m3(pressure_pa, self.tank.temperature_k)
+            }
+            GasSupply::Balanced(view) => view.ullage_density_kg_m3(),
+        };
+        self.vent.flow_kg_s(&VentedGas { pressure_pa, density_kg_m3, ambient_pa }, opened)
     }
 
     /// Isolation valve in time.

@@ -36,6 +36,7 @@ fn condition(port_radius_m: f64, throat_radius_m: f64) -> EngineCondition {
         chamber_gas: None,
         fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     }
 }
 

@@ -118,6 +118,7 @@ fn chamber_that_fills() {
             chamber_gas: Some(ChamberGas { oxidizer_kg: gas.0[0], fuel_kg: gas.0[1] }),
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: throttled_kg_s(time_s),
+            outlet: None,
             ..bare_engine::condition(35.0, 10.0)
         };
         engine.operating_point(&feed, area_m2, &condition, Guess::default())

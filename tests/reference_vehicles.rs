@@ -29,6 +29,7 @@ fn lit(vehicle: &Vehicle) -> EngineCondition {
         chamber_gas: None,
         fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     }
 }
 

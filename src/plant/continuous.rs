@@ -10,7 +10,10 @@ use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, Outflow
 use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
-use crate::propulsion::{ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Pair, PairLevels};
+use crate::propulsion::{
+    ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Outlet, Pair, PairLevels, Stores, Withdrawal,
+};
+use crate::vehicle::GasSupply;
 
 /// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
 /// passes zero.
@@ -24,16 +27,19 @@ impl Plant {
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
         let drain_s = if self.held.nitrous_depleted { tail_s } else { self.drain_s() };
+        let two_phase = self.vehicle.uncovering.is_some();
+        let (outlet, inert_share) = self.outlet(state);
         let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
         EngineCondition {
             port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
             throat_radius_m: state.throat_radius_m,
-            // A share of 0/0, no flow yet, limits nothing.
-            burning_fraction: if fuel_share < 1.0 {
-                state.burning_fraction.min(fuel_share)
-            } else {
-                state.burning_fraction
-            },
+            // A share of 0/0, no flow yet, limits nothing. Nitrogen among the oxidiser does not burn.
+            burning_fraction: (1.0 - inert_share)
+                * if fuel_share < 1.0 {
+                    state.burning_fraction.min(fuel_share)
+                } else {
+                    state.burning_fraction
+                },
             ambient_pa: self.environment.atmosphere.pressure_pa,
             chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
                 oxidizer_kg: state.chamber_oxidizer_kg,
@@ -41,8 +47,35 @@ impl Plant {
             }),
             fuel_flow_kg_s: (parameters.grain.fuel_flow_lag_s > 0.0 && self.paper.is_none())
                 .then(|| state.fuel_flow_kg_s.min(self.usable_fuel_kg(state) / DRAIN_S)),
-            oxidizer_flow_limit_kg_s: state.nitrous_kg.max(0.0) / drain_s,
+            // An outlet that uncovers limits its liquid itself.
+            oxidizer_flow_limit_kg_s: if two_phase {
+                f64::INFINITY
+            } else {
+                state.nitrous_kg.max(0.0) / drain_s
+            },
+            outlet,
         }
+    }
+
+    /// What an uncovered outlet draws, and the share of nitrogen in it.
+    fn outlet(&self, state: &State) -> (Option<Outlet>, f64) {
+        let uncovered = self.vehicle.uncovering.and_then(|at| at.gas_shares(state.nitrous_kg));
+        let Some([valve_gas, injector_gas]) = uncovered else {
+            return (None, 0.0);
+        };
+        let GasSupply::Balanced(view) =
+            self.vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa)
+        else {
+            return (None, 0.0);
+        };
+        let outlet = Outlet {
+            valve_gas,
+            injector_gas,
+            gas_pa: view.nitrogen.tank_pa,
+            gas_kg_m3: view.ullage_density_kg_m3(),
+        };
+        let gas_share = outlet.gas_mass_share(self.vehicle.nitrous_density_kg_m3);
+        (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
@@ -64,16 +97,31 @@ impl Plant {
 
         // Pressurant.
         let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let pressurant = vehicle.nitrogen(state.nitrogen_kg, nitrous_kg, ambient_pa);
+        let stores = Stores { nitrous_kg, ..stores(state) };
+        let supply = vehicle.gas_supply(&stores, ambient_pa);
+        let pressurant = *supply.nitrogen();
         let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let mut vent_kg_s = vehicle.vent_kg_s(&pressurant, held.vent, ambient_pa);
-        let left = state.nitrogen_kg.max(0.0) / (DRAIN_S * (thrusters.nitrogen_kg_s + vent_kg_s));
+        let mut vent_kg_s = vehicle.vent_kg_s(&supply, held.vent, ambient_pa);
+        let [left, vented] = supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
         if left < 1.0 {
             thrusters.force_body_n *= left;
             thrusters.moment_body_n_m *= left;
             thrusters.nitrogen_kg_s *= left;
-            vent_kg_s *= left;
         }
+        if vented < 1.0 {
+            vent_kg_s *= vented;
+        }
+        let liquid_kg_s = engine.tank_kg_s - engine.outlet_gas_kg_s;
+        let gas = vehicle.gas_rate(
+            &stores,
+            &supply,
+            &Withdrawal {
+                liquid_kg_s,
+                gas_kg_s: vent_kg_s + engine.outlet_gas_kg_s,
+                thrusters_kg_s: thrusters.nitrogen_kg_s,
+            },
+        );
+        let nitrous_kg_s = -(liquid_kg_s + gas.evaporation_kg_s);
 
         // Mass.
         let port_radius_m_s = match self.frozen.port_radius_m {
@@ -84,12 +132,8 @@ impl Plant {
                 engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
             }
         };
-        // What fills the room that the liquid leaves, at constant pressure.
-        let ullage_m3 = vehicle.ullage_m3(nitrous_kg);
-        let ullage_kg_m3 = if ullage_m3 > 0.0 { pressurant.tank_kg / ullage_m3 } else { 0.0 };
-        let transfer_kg_s = ullage_kg_m3 * engine.tank_kg_s / vehicle.nitrous_density_kg_m3;
         let (nitrogen_run_tank_kg, nitrogen_bottle_kg, run_tank_kg_s) =
-            self.frozen.nitrogen(&pressurant, transfer_kg_s);
+            self.frozen.nitrogen(&pressurant, gas.run_tank_kg_s);
         let contents = Contents {
             nitrous_kg,
             nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
@@ -97,14 +141,13 @@ impl Plant {
             nitrogen_run_tank_kg,
             nitrogen_bottle_kg,
         };
-        let nitrogen_kg_s = -(thrusters.nitrogen_kg_s + vent_kg_s);
         let mut mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
-                nitrous_kg_s: -engine.tank_kg_s,
+                nitrous_kg_s,
                 port_radius_m_s,
                 nitrogen_run_tank_kg_s: run_tank_kg_s,
-                nitrogen_bottle_kg_s: nitrogen_kg_s - run_tank_kg_s,
+                nitrogen_bottle_kg_s: gas.total_kg_s - run_tank_kg_s,
             },
         );
         // The gas in manifold and chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
@@ -189,8 +232,10 @@ impl Plant {
             slosh_m_s: lateral(acceleration.slosh_body_m_s2[0]),
             second_slosh_m: state.second_slosh_m_s,
             second_slosh_m_s: lateral(acceleration.slosh_body_m_s2[1]),
-            nitrous_kg: -engine.oxidizer_kg_s,
-            nitrogen_kg: nitrogen_kg_s,
+            // What the manifold takes up leaves the tank when the step ends.
+            nitrous_kg: nitrous_kg_s + (engine.tank_kg_s - engine.oxidizer_kg_s),
+            nitrogen_kg: gas.nitrogen_kg_s,
+            gas: gas.gas,
             port_radius_m: port_radius_m_s,
             throat_radius_m: if self.frozen.throat { 0.0 } else { engine.throat_erosion_m_s },
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
@@ -336,6 +381,10 @@ impl Plant {
         ];
         (motion, rates)
     }
+}
+
+fn stores(state: &State) -> Stores {
+    Stores { nitrogen_kg: state.nitrogen_kg, nitrous_kg: state.nitrous_kg, gas: state.gas }
 }
 
 fn levels(state: &State) -> PairLevels {

@@ -4,10 +4,13 @@ use super::{Evaluation, Plant, PlantEvent, Settled, State, motion};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::propulsion::FlameConditions;
+use crate::vehicle::GasModel;
 
 /// The feed's tables are rebuilt when the tank pressure has moved by so much (Pa): 1e-3 of flow. A rebuild costs
 /// some steps' time, so it waits until something flows.
 const FEED_TOLERANCE_PA: f64 = 10_000.0;
+/// The same for the temperature of the liquid (K).
+const FEED_TOLERANCE_K: f64 = 0.05;
 
 /// Share of a thruster's level below which it is off.
 const RCS_OFF: f64 = 1e-6;
@@ -55,6 +58,9 @@ impl Plant {
         // What integration may leave a rounding below zero.
         self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
         self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
+        if let GasModel::Balanced(balance) = &self.vehicle.gas_model {
+            self.state.gas = balance.kept_in_range(&self.state.gas, self.state.nitrogen_kg);
+        }
         self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
         self.state.fuel_flow_kg_s = self.state.fuel_flow_kg_s.max(0.0);
 
@@ -89,8 +95,12 @@ impl Plant {
             self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
         }
         let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
-        if flows && (now.pressurant.tank_pa - self.held.feed.built_for().0).abs() > FEED_TOLERANCE_PA {
-            self.held.feed.rebuild(now.pressurant.tank_pa, self.vehicle.tank.temperature_k);
+        let (tank_pa, tank_k) = (now.pressurant.tank_pa, now.pressurant.liquid_k);
+        let (built_pa, built_k) = self.held.feed.built_for();
+        let moved =
+            (tank_pa - built_pa).abs() > FEED_TOLERANCE_PA || (tank_k - built_k).abs() > FEED_TOLERANCE_K;
+        if flows && moved {
+            self.held.feed.rebuild(tank_pa, tank_k);
         }
 
         // Feet.

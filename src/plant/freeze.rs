@@ -28,17 +28,19 @@ impl Frozen {
             com_body_m: has(Coupling::Com).then(|| start.mass.centre_of_mass_body_m()),
             inertia_kg_m2: has(Coupling::Inertia).then(|| start.mass.inertia_about_com_kg_m2()),
             port_radius_m: has(Coupling::Port).then_some(port_radius_m),
-            run_tank_kg: has(Coupling::Nitrogen).then_some(start.pressurant.tank_kg),
+            run_tank_kg: has(Coupling::Nitrogen)
+                .then_some(start.pressurant.tank_kg + start.pressurant.vapor_kg),
             throat: has(Coupling::Throat),
         }
     }
 
-    /// Where the nitrogen is said to be (run tank, bottle; kg) and how fast it goes from one to the other (kg/s).
+    /// Where the gas is said to be (run tank, bottle; kg) and how fast it comes into the tank (kg/s).
     pub(super) fn nitrogen(&self, real: &NitrogenState, transfer_kg_s: f64) -> (f64, f64, f64) {
+        let real_kg = real.tank_kg + real.vapor_kg;
         match self.run_tank_kg {
-            None => (real.tank_kg, real.bottle_kg, transfer_kg_s),
+            None => (real_kg, real.bottle_kg, transfer_kg_s),
             Some(held_kg) => {
-                let total_kg = real.tank_kg + real.bottle_kg;
+                let total_kg = real_kg + real.bottle_kg;
                 let tank_kg = held_kg.min(total_kg);
                 (tank_kg, total_kg - tank_kg, 0.0)
             }

@@ -1,9 +1,9 @@
 //! The discrete part of the propulsion system: who opens what when.
 //!
 //! With an automatic sequence arming opens the isolation valve and shuts the vent, throttle above the
-//! shutdown fraction fires the igniter and releases the hold-down, disarming safes everything. Otherwise
-//! the flight controller's own channels do it. Before anything was armed for the first time the initial
-//! state holds: nothing flows, not even through a vent that is open without power.
+//! shutdown fraction fires the igniter and releases the hold-down, disarming takes the power: each valve goes
+//! where it stands without. Otherwise the flight controller's own channels do it. Before anything was armed for
+//! the first time the initial state holds: nothing flows, not even through a valve that is open without power.
 
 use crate::scenario::{Scenario, SequenceSource};
 use crate::signal::{ActuatorCommand, Discrete};
@@ -44,6 +44,7 @@ enum Authority {
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
     authority: Authority,
+    unpowered: Discrete,
     release_time: SimTime,
     was_armed: bool,
     release_commanded: Option<SimTime>,
@@ -57,6 +58,11 @@ impl Sequence {
                 SequenceSource::Auto => Authority::Automatic,
                 SequenceSource::Controls => Authority::Controls,
             },
+            unpowered: Discrete {
+                isolation_open: scenario.vehicle.isolation.open_without_power,
+                vent_shut: !scenario.vehicle.vent.open_without_power,
+                ..Discrete::SAFE
+            },
             release_time: SimTime::from_s(release_time_s),
             was_armed: false,
             release_commanded: None,
@@ -67,7 +73,7 @@ impl Sequence {
     pub(super) fn obey(&mut self, now: SimTime, command: &ActuatorCommand, throttle_on: bool) -> Positions {
         self.was_armed |= command.armed;
         let wanted = if !command.armed {
-            Discrete::SAFE
+            self.unpowered
         } else {
             match self.authority {
                 Authority::Automatic => Discrete {
@@ -87,7 +93,7 @@ impl Sequence {
             self.release_commanded = Some(now);
         }
         Positions {
-            isolation_open: wanted.isolation_open,
+            isolation_open: self.was_armed && wanted.isolation_open,
             vent_open: self.was_armed && !wanted.vent_shut,
             released: self.release_commanded.is_some_and(|at| now.since(at) >= self.release_time),
             igniter: wanted.igniter,

@@ -14,7 +14,7 @@ use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
     ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedInput, Flame, Guess, Modulator,
-    PairLevels, PaperEngine, Stages,
+    PairLevels, PaperEngine, Stages, Stores,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -82,9 +82,11 @@ impl Plant {
             ));
         }
         let environment = Environment::new(&scenario.site, &scenario.file.wind, seed)?;
-        let nitrogen = vehicle.nitrogen(nitrogen_kg, nitrous_kg, environment.atmosphere.pressure_pa);
+        let ambient_pa = environment.atmosphere.pressure_pa;
+        let gas = vehicle.initial_gas(nitrogen_kg, nitrous_kg, ambient_pa);
+        let nitrogen = *vehicle.gas_supply(&Stores { nitrogen_kg, nitrous_kg, gas }, ambient_pa).nitrogen();
         let feed = vehicle.engine.feed_map(nitrogen.tank_pa, vehicle.tank.temperature_k);
-        let at_rest = vehicle.engine.feed_at_rest(&feed, environment.atmosphere.pressure_pa);
+        let at_rest = vehicle.engine.feed_at_rest(&feed, ambient_pa);
         let q = start.q_ned_from_body;
         let state = State {
             position_ned_m: Vec3::from(start.position_ned_m),
@@ -93,6 +95,7 @@ impl Plant {
             rate_body_rad_s: Vec3::from(start.rate_body_rad_s),
             nitrous_kg,
             nitrogen_kg,
+            gas,
             port_radius_m,
             throat_radius_m,
             manifold_kg: at_rest.manifold_kg,

@@ -41,6 +41,12 @@ pub struct Snapshot {
     pub nitrogen_bottle_kg: f64,
     /// Nitrogen in the run tank (kg).
     pub nitrogen_ullage_kg: f64,
+    /// Nitrous oxide vapour in the run tank, with the balance of energy (kg).
+    pub nitrous_vapor_kg: f64,
+    /// Temperature of the liquid (K).
+    pub liquid_k: f64,
+    /// Temperatures of the gas in bottle and run tank, where they are states (K).
+    pub gas_k: [f64; 2],
     /// Gas in the chamber, with the filling model (kg).
     pub chamber_gas_kg: f64,
     /// Oxidiser between valve and injector, with the implicit manifold (kg).
@@ -207,6 +213,9 @@ impl Plant {
             fuel_kg: self.fuel_kg(state),
             nitrogen_bottle_kg: now.pressurant.bottle_kg,
             nitrogen_ullage_kg: now.pressurant.tank_kg,
+            nitrous_vapor_kg: now.pressurant.vapor_kg,
+            liquid_k: now.pressurant.liquid_k,
+            gas_k: [state.gas.bottle_k, state.gas.ullage_k],
             chamber_gas_kg: state.chamber_oxidizer_kg + state.chamber_fuel_kg,
             manifold_kg: state.manifold_kg,
             port_radius_m: state.port_radius_m,

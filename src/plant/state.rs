@@ -4,6 +4,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::frame::Vec3;
 use crate::integrator::Integrable;
+use crate::propulsion::GasState;
 
 /// Defines `State` and `Rate` with the same fields, and how a state moves along a rate.
 macro_rules! state {
@@ -60,6 +61,8 @@ state! {
     nitrous_kg: f64,
     /// Nitrogen in bottle and run tank together (kg).
     nitrogen_kg: f64,
+    /// Where nitrogen and vapour are and how warm, with the gas as a state.
+    gas: GasState,
     /// Port radius (m).
     port_radius_m: f64,
     /// Throat radius (m).
@@ -113,6 +116,14 @@ impl State {
             second_slosh_m_s: ZERO,
             nitrous_kg: 0.0,
             nitrogen_kg: 0.0,
+            gas: GasState {
+                bottle_kg: 0.0,
+                bottle_k: 0.0,
+                wall_k: 0.0,
+                vapor_kg: 0.0,
+                ullage_k: 0.0,
+                liquid_k: 0.0,
+            },
             port_radius_m: 0.0,
             throat_radius_m: 0.0,
             chamber_oxidizer_kg: 0.0,
@@ -173,6 +184,11 @@ impl State {
             self.expelled_vent_kg,
         ];
         let q = self.q_ned_from_body.coords;
-        vectors.into_iter().flat_map(|v| [v.x, v.y, v.z]).chain([q.w, q.x, q.y, q.z]).chain(scalars)
+        vectors
+            .into_iter()
+            .flat_map(|v| [v.x, v.y, v.z])
+            .chain([q.w, q.x, q.y, q.z])
+            .chain(scalars)
+            .chain(self.gas.numbers())
     }
 }

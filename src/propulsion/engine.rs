@@ -15,6 +15,7 @@ use super::feed_map::FeedMap;
 use super::grain::Grain;
 use super::manifold::FeedStores;
 use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
+use super::outlet::Outlet;
 use super::valve::ValveArea;
 use super::{EngineParameters, FeedParameters, PaperMode};
 use crate::input::Invalid;
@@ -73,6 +74,8 @@ pub struct EngineCondition {
     pub fuel_flow_kg_s: Option<f64>,
     /// Flow that the tank's outlet can give (kg/s); infinite but in a depletion's tail.
     pub oxidizer_flow_limit_kg_s: f64,
+    /// What the tank's outlet draws once liquid alone no longer covers it.
+    pub outlet: Option<Outlet>,
 }
 
 /// Where to look first; from the last answer. It changes the time an answer takes, and the answer within
@@ -101,10 +104,12 @@ pub struct Near {
 /// The engine's answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OperatingPoint {
-    /// Oxidiser through the injector (kg/s).
+    /// What passes the injector (kg/s).
     pub oxidizer_kg_s: f64,
-    /// Oxidiser out of the tank (kg/s): the same, unless something between them stores.
+    /// What leaves the tank (kg/s): the same, unless something between them stores.
     pub tank_kg_s: f64,
+    /// Of that, gas from above the liquid (kg/s).
+    pub outlet_gas_kg_s: f64,
     /// Fuel off the grain (kg/s).
     pub fuel_kg_s: f64,
     /// Fuel flow to which a lagging one tends (kg/s); without a lag the same.
@@ -220,6 +225,7 @@ impl Engine {
                 chamber_gas: None,
                 fuel_flow_kg_s: None,
                 oxidizer_flow_limit_kg_s: f64::INFINITY,
+                outlet: None,
             };
             let setting = self.setting(&condition);
             let mut near = Near::default();
@@ -287,6 +293,7 @@ impl Engine {
             chamber_gas: None,
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: 0.0,
+            outlet: None,
         };
         self.setting(&condition).closed(None, Near::default())
     }
@@ -317,12 +324,25 @@ impl Engine {
             return setting.closed(held, near);
         }
 
-        let mut oxidizer_kg_s = 0.0;
+        let (mut oxidizer_kg_s, mut outlet_gas_kg_s) = (0.0, 0.0);
         let (mut inlet, mut hot) = (None, None);
         // Flow that the injector would pass less flow that the valve gives: rises with P2.
         let balance = |inlet_pa: f64| {
             let state = feed.inlet(inlet_pa);
-            oxidizer_kg_s = (valve_m2 * state.valve_flux_kg_m2_s).min(limit_kg_s);
+            let density_kg_m3 = state.state.density_kg_m3;
+            let outlet = condition.outlet.as_ref();
+            let valve_flux = match outlet {
+                None => state.valve_flux_kg_m2_s,
+                Some(outlet) => outlet.valve_flux(state.valve_flux_kg_m2_s, inlet_pa, density_kg_m3),
+            };
+            // Counted as liquid of the same volume; what it weighs once gas is in it comes after.
+            let passed_kg_s = (valve_m2 * valve_flux).min(limit_kg_s);
+            oxidizer_kg_s = passed_kg_s;
+            if let Some(outlet) = outlet {
+                let [liquid, gas] = outlet.masses(inlet_pa, density_kg_m3);
+                outlet_gas_kg_s = gas * passed_kg_s;
+                oxidizer_kg_s = liquid * passed_kg_s + outlet_gas_kg_s;
+            }
             let chamber_pa = match &held {
                 Some(held) => held.pressure.pa,
                 None => {
@@ -330,9 +350,12 @@ impl Engine {
                     setting.mixed_pa(oxidizer_kg_s, hot.as_ref())
                 }
             };
-            let injected_kg_s = self.injector_area_m2 * feed.injector_flux_kg_m2_s(&state, chamber_pa);
+            let mut injector_flux = feed.injector_flux_kg_m2_s(&state, chamber_pa);
+            if let Some(outlet) = outlet {
+                injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
+            }
             inlet = Some(state);
-            injected_kg_s - oxidizer_kg_s
+            self.injector_area_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {
             low: least_pa,
@@ -350,10 +373,11 @@ impl Engine {
             solved: root.status != RootStatus::Invalid,
             guess: next,
         };
-        match held {
+        let point = match held {
             Some(held) => setting.filling_point(oxidizer_kg_s, &held, found),
             None => setting.steady_point(oxidizer_kg_s, hot, found),
-        }
+        };
+        OperatingPoint { outlet_gas_kg_s, ..point }
     }
 
     pub(super) fn setting<'a>(&'a self, condition: &'a EngineCondition) -> Setting<'a> {
@@ -515,6 +539,7 @@ impl<'a> Setting<'a> {
         OperatingPoint {
             oxidizer_kg_s,
             tank_kg_s: oxidizer_kg_s,
+            outlet_gas_kg_s: 0.0,
             fuel_kg_s,
             steady_fuel_kg_s: if lags {
                 share * self.steady_fuel_kg_s(oxidizer_kg_s, &mut guess.near)
@@ -592,6 +617,7 @@ impl<'a> Setting<'a> {
         OperatingPoint {
             oxidizer_kg_s,
             tank_kg_s: oxidizer_kg_s,
+            outlet_gas_kg_s: 0.0,
             fuel_kg_s,
             steady_fuel_kg_s,
             nozzle_kg_s: held.nozzle_kg_s,
@@ -624,6 +650,7 @@ impl<'a> Setting<'a> {
         OperatingPoint {
             oxidizer_kg_s: 0.0,
             tank_kg_s: 0.0,
+            outlet_gas_kg_s: 0.0,
             fuel_kg_s: 0.0,
             steady_fuel_kg_s: 0.0,
             nozzle_kg_s: 0.0,

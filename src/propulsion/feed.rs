@@ -3,6 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::gas_balance::Ullage;
+use super::gas_orifice::gas_flux_kg_m2_s;
+
 /// Run tank: the `[feed.tank]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -28,6 +31,9 @@ pub struct Tank {
     /// Liquid below which the outlet draws gas (kg).
     #[schemars(range(min = 0.0, max = 100.0))]
     pub unusable_nitrous_kg: f64,
+    /// What stands above the liquid.
+    #[serde(default)]
+    pub ullage: Ullage,
 }
 
 impl Tank {
@@ -131,17 +137,9 @@ pub struct VentedGas {
 }
 
 impl Vent {
-    /// Flow of nitrogen (kg/s), `opened` 0..1. Perfect-gas orifice, γ = 1.4, with the real density.
+    /// Flow of gas (kg/s), `opened` 0..1.
     pub fn flow_kg_s(&self, gas: &VentedGas, opened: f64) -> f64 {
-        const GAMMA: f64 = 1.4;
-        const CRITICAL: f64 = 0.528_281_787_717_174_2; // (2/(γ+1))^(γ/(γ-1))
-        let ratio = (gas.ambient_pa / gas.pressure_pa).max(CRITICAL);
-        if ratio >= 1.0 || gas.pressure_pa <= 0.0 || ratio.is_nan() {
-            return 0.0;
-        }
-        let r = libm::pow(ratio, 1.0 / GAMMA);
-        let flux2 = 2.0 * GAMMA / (GAMMA - 1.0) * gas.pressure_pa * gas.density_kg_m3 * (r * r - r * ratio);
         let area_m2 = self.discharge_coefficient * self.area_m2 * opened.clamp(0.0, 1.0);
-        area_m2 * flux2.max(0.0).sqrt()
+        area_m2 * gas_flux_kg_m2_s(gas.pressure_pa, gas.density_kg_m3, gas.ambient_pa)
     }
 }

@@ -63,6 +63,20 @@ pub struct Depletion {
     /// Decay of the thrust once the liquid is gone or the grain burnt through (s).
     #[schemars(range(min = 1e-3, max = 30.0))]
     pub tail_time_constant_s: f64,
+    /// What the outlet draws once the liquid no longer covers it.
+    #[serde(default)]
+    pub model: DepletionModel,
+}
+
+/// What the tank's outlet draws once the liquid no longer covers it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DepletionModel {
+    /// The rest of the liquid, with `tail_time_constant_s`.
+    #[default]
+    TimeConstant,
+    /// Liquid and the gas above it, through valve and injector.
+    TwoPhase,
 }
 
 /// Igniter and flame between steps.

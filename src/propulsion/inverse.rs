@@ -33,7 +33,7 @@ impl Engine {
         condition: &EngineCondition,
         guess: Guess,
     ) -> Inverse {
-        let steady = EngineCondition { chamber_gas: None, fuel_flow_kg_s: None, ..*condition };
+        let steady = EngineCondition { chamber_gas: None, fuel_flow_kg_s: None, outlet: None, ..*condition };
         let setting = self.setting(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
         let mut near = guess.near;

@@ -531,6 +531,7 @@ impl FeedInput {
             chamber_gas: None,
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: 0.0,
+            outlet: None,
         },
     };
 
@@ -551,6 +552,7 @@ impl FeedInput {
                 }),
                 fuel_flow_kg_s: a.fuel_flow_kg_s.zip(b.fuel_flow_kg_s).map(|(a, b)| mix(a, b)),
                 oxidizer_flow_limit_kg_s: b.oxidizer_flow_limit_kg_s,
+                outlet: b.outlet,
             },
         }
     }

@@ -218,6 +218,7 @@ impl PaperEngine {
         OperatingPoint {
             oxidizer_kg_s: mixed.oxidizer_kg_s,
             tank_kg_s: mixed.oxidizer_kg_s,
+            outlet_gas_kg_s: 0.0,
             fuel_kg_s: mixed.fuel_kg_s,
             steady_fuel_kg_s: mixed.fuel_kg_s,
             nozzle_kg_s: total_kg_s,

@@ -77,6 +77,24 @@ pub struct Regulator {
     /// What the bottle must have above the outlet for the regulator to work (Pa).
     #[schemars(range(min = 0.0, max = 100e5))]
     pub minimum_drop_pa: f64,
+    /// Flow at which nothing is left of the lock-up (kg/s).
+    #[serde(default = "Regulator::default_lockup_flow_kg_s")]
+    #[schemars(range(min = 1e-4, max = 10.0))]
+    pub lockup_flow_kg_s: f64,
+    /// Time in which the outlet follows; not used while nothing but the set pressure matters (s).
+    #[serde(default = "Regulator::default_response_time_s")]
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub response_time_s: f64,
+}
+
+impl Regulator {
+    fn default_lockup_flow_kg_s() -> f64 {
+        2e-3
+    }
+
+    fn default_response_time_s() -> f64 {
+        0.02
+    }
 }
 
 /// The nitrogen at its two temperatures.
@@ -86,6 +104,8 @@ pub struct PressurantGas {
     pub bottle: Isotherm,
     /// Above the liquid.
     pub ullage: Isotherm,
+    /// Temperature of liquid and gas in the tank (K).
+    pub ullage_k: f64,
 }
 
 /// What the nitrogen's distribution depends on.
@@ -112,6 +132,10 @@ pub struct NitrogenState {
     pub bottle_kg: f64,
     /// Whether the regulator holds its outlet.
     pub regulated: bool,
+    /// Nitrous oxide vapour above the liquid (kg).
+    pub vapor_kg: f64,
+    /// Temperature of the liquid (K).
+    pub liquid_k: f64,
 }
 
 impl Pressurant {
@@ -135,7 +159,15 @@ impl Pressurant {
         if bottle_kg > 0.0 {
             let bottle_pa = gas.bottle.pressure_pa(bottle_kg / bottle_m3);
             if bottle_pa >= outlet_pa + drop_pa {
-                return NitrogenState { tank_pa: outlet_pa, bottle_pa, tank_kg, bottle_kg, regulated: true };
+                return NitrogenState {
+                    tank_pa: outlet_pa,
+                    bottle_pa,
+                    tank_kg,
+                    bottle_kg,
+                    regulated: true,
+                    vapor_kg: 0.0,
+                    liquid_k: gas.ullage_k,
+                };
             }
         }
         // Blow-down: the tank pressure at which both volumes hold the whole mass.
@@ -152,7 +184,15 @@ impl Pressurant {
         let tank_kg = in_tank_kg(tank_pa).min(total_kg);
         let bottle_kg = total_kg - tank_kg;
         let bottle_pa = gas.bottle.pressure_pa(bottle_kg / bottle_m3);
-        NitrogenState { tank_pa, bottle_pa, tank_kg, bottle_kg, regulated: false }
+        NitrogenState {
+            tank_pa,
+            bottle_pa,
+            tank_kg,
+            bottle_kg,
+            regulated: false,
+            vapor_kg: 0.0,
+            liquid_k: gas.ullage_k,
+        }
     }
 }
 
@@ -177,13 +217,16 @@ mod tests {
                 droop_pa_s_kg: 0.0,
                 lockup_pa: 0.0,
                 minimum_drop_pa: 15e5,
+                lockup_flow_kg_s: 2e-3,
+                response_time_s: 0.02,
             },
         }
     }
 
     fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
         let inventory = NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0 };
-        let gas = PressurantGas { bottle: Isotherm::new(290.0), ullage: Isotherm::new(290.0) };
+        let gas =
+            PressurantGas { bottle: Isotherm::new(290.0), ullage: Isotherm::new(290.0), ullage_k: 290.0 };
         reference().distribute(&gas, &inventory)
     }
 

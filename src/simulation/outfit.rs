@@ -175,6 +175,7 @@ fn sequence(vehicle: &Vehicle, ambient_pa: f64) -> SequenceParameters {
         chamber_gas: None,
         fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     };
     let idle =
         vehicle.engine.inverse(&feed, vehicle.rating.thrust_command_min_n, &condition, Guess::default());
@@ -217,6 +218,7 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
             chamber_gas: None,
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: f64::INFINITY,
+            outlet: None,
         };
         let points: Vec<_> =
             map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();

@@ -54,6 +54,7 @@ pub fn condition(port_mm: f64, throat_mm: f64) -> EngineCondition {
         chamber_gas: None,
         fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     }
 }
 

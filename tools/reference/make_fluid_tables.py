@@ -121,6 +121,37 @@ def nitrogen_table():
     write(DATA / "n2.csv", head, "T_K,P_Pa,Z,h_J_kg,s_plus_R_lnP_J_kgK".split(","), rows)
 
 
+def gas_table(fluid, path, what, eos, temperatures, densities):
+    """Z and u over temperature and density, every state taken as one gas phase, also where it would condense."""
+    r = fluid.gas_constant() / fluid.molar_mass()
+    fluid.specify_phase(CoolProp.iphase_gas)
+    rows = []
+    for temperature in temperatures:
+        for density in densities:
+            # The limit of zero density: 1e-6 kg/m3 is 1e-8 away from it.
+            fluid.update(CoolProp.DmassT_INPUTS, max(density, 1e-6), temperature)
+            z = fluid.p() / (fluid.rhomass() * r * temperature)
+            rows.append([temperature, density, z, fluid.umass()])
+    fluid.unspecify_phase()
+    head = header(
+        what, eos,
+        f"Z = P/(rho R T) with R = {r!r} J/(kg K). Uniform grid, density fastest; where the fluid would condense, the",
+        "equation of state of the single phase, so that the table is smooth. Reference state as in the other tables.",
+    )
+    write(DATA / path, head, "T_K,rho_kg_m3,Z,u_J_kg".split(","), rows)
+
+
+def gas_tables():
+    gas_table(
+        n2, "n2_gas.csv", "Nitrogen gas over density, 0 to 500 kg/m3, 130 to 430 K.", N2_EOS,
+        [130.0 + 5.0 * i for i in range(61)], [10.0 * i for i in range(51)],
+    )
+    gas_table(
+        n2o, "n2o_gas.csv", "Nitrous oxide vapour over density, 0 to 300 kg/m3, 180 to 430 K.", N2O_EOS,
+        [180.0 + 5.0 * i for i in range(51)], [7.5 * i for i in range(41)],
+    )
+
+
 def reference_points():
     """Points between the grid lines, on sequences that no grid line follows."""
     golden = 0.6180339887498949
@@ -146,4 +177,5 @@ if __name__ == "__main__":
     saturation_table()
     liquid_table()
     nitrogen_table()
+    gas_tables()
     reference_points()

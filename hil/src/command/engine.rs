@@ -76,6 +76,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         chamber_gas: None,
         fuel_flow_kg_s: None,
         oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     };
     // The range of the tables; liquid stays liquid above its own vapour pressure only.
     within("--tank-k", tank_k, 240.0, 306.0)?;
