@@ -91,7 +91,12 @@ fn every_data_file_names_its_maker() {
             continue;
         }
         let heading: String = text.lines().take_while(|line| line.starts_with('#')).collect();
-        assert!(heading.contains("tools/reference/make_"), "{name}: its heading names no script");
+        let script = heading.split("tools/reference/").nth(1).and_then(|rest| rest.split(".py").next());
+        let script = script.unwrap_or_else(|| panic!("{name}: its heading names no script"));
+        assert!(
+            root().join(format!("tools/reference/{script}.py")).exists(),
+            "{name}: no script {script}.py"
+        );
         assert!(
             index.contains(&name) || name == "paper_mode_commands.csv",
             "{name} is not in tests/README.md"

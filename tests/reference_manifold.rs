@@ -1,5 +1,5 @@
 //! Lag and response of the manifold against CoolProp's properties and SciPy's Radau
-//! (tools/reference/make_feed_reference.py; tool versions in the data files).
+//! (tools/reference/make_manifold_reference.py; tool versions in the data files).
 
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // figures for the record
 

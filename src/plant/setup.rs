@@ -190,7 +190,13 @@ impl Plant {
         if self.vehicle.engine_parameters.chamber.model != ChamberModel::Filling {
             return Ok(());
         }
-        let condition = self.condition(&self.state);
+        let nozzle = &self.vehicle.engine_parameters.nozzle;
+        // A minute of erosion at its rated pressure leaves a wider throat, and less time.
+        let eroded_m = self.state.throat_radius_m + 60.0 * nozzle.erosion_rate_m_s;
+        let condition = EngineCondition {
+            throat_radius_m: eroded_m.min(nozzle.greatest_throat_radius_m()),
+            ..self.condition(&self.state)
+        };
         // Choked, whatever burns; the time constant of a choked chamber does not depend on its pressure.
         let gas_kg = 30.0 * self.vehicle.engine.gas_at_rest(&condition).oxidizer_kg;
         let emptying_s = |burning_fraction: f64, of_ratio: f64| {

@@ -5,7 +5,7 @@ Fluids by CoolProp (derivatives of density at constant enthalpy too), chamber an
 implementation in make_open_loop_reference.py, integration by SciPy's Radau. Port 35 mm, throat 10 mm.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-open-loop.txt
-    venv/bin/python tools/reference/make_feed_reference.py
+    venv/bin/python tools/reference/make_manifold_reference.py
 
 writes tests/reference/feed_lag.csv and feed_response.csv.
 """
@@ -25,7 +25,7 @@ PORT, THROAT, VOLUME = 0.035, 0.010, 2.5e-5
 LINE_LENGTH, LINE_AREA = 0.5, 1.267e-4
 RTOL, ATOL = 1e-10, 1e-12
 HEAD = (
-    f"# tools/reference/make_feed_reference.py: Python {platform.python_version()}, CoolProp {CoolProp.__version__}, "
+    f"# tools/reference/make_manifold_reference.py: Python {platform.python_version()}, CoolProp {CoolProp.__version__}, "
     f"SciPy {scipy.__version__}, NumPy {np.__version__}\n"
 )
 
