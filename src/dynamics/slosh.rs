@@ -99,8 +99,8 @@ pub struct Slosh {
     /// Where the stop begins, as a fraction of the tank radius.
     #[schemars(range(min = 0.05, max = 1.0))]
     pub stop_fraction: f64,
-    /// Natural frequency of the sloshing mass on the stop (rad/s).
-    #[schemars(range(min = 0.0, max = 500.0))]
+    /// Natural frequency of the sloshing mass on the stop (rad/s); a softer one would let a turning vehicle throw the liquid out.
+    #[schemars(range(min = 20.0, max = 500.0))]
     pub stop_natural_frequency_rad_s: f64,
     /// Damping ratio of the sloshing mass on the stop.
     #[schemars(range(min = 0.0, max = 1.0))]
