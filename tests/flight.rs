@@ -294,8 +294,7 @@ fn errors_are_counted_from_where_the_flight_starts() {
 #[test]
 fn choices_that_no_model_serves_are_refused_with_their_key() {
     for (key, value) in [
-        ("vehicle.feed.manifold.model", "\"implicit\""),
-        ("vehicle.engine.grain.fuel_flow_lag_s", "0.1"),
+        ("vehicle.engine.grain.fuel_flow_lag_s", "0.0005"),
         ("vehicle.component.0.inertia_kg_m2", "[[1.0, 100.0, 0.0], [100.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"),
         ("initial.engine", "\"running\""),
         ("initial.place", "\"free\""),

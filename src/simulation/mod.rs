@@ -99,6 +99,7 @@ impl Flight {
         let parameters = outfit::autopilot(scenario, plant.environment(), instruments);
         let scheduled = scenario.schedule.is_some();
         if !scheduled {
+            outfit::throttle_band(&scenario.vehicle, plant.environment())?;
             parameters.validate()?;
         }
         Ok(Self {

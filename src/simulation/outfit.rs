@@ -12,6 +12,7 @@ use crate::autopilot::propellant::{MassPoint, PropellantParameters};
 use crate::dynamics::mass::{Contents, ContentsRate};
 use crate::environment::Environment;
 use crate::frame::Vec3;
+use crate::input::Invalid;
 use crate::noise::sample_std;
 use crate::propulsion::{EngineCondition, Guess};
 use crate::scenario::{Fidelity, Scenario};
@@ -50,6 +51,41 @@ pub fn autopilot(
             },
         },
         gains: Gains::default(),
+    }
+}
+
+/// Whether the engine covers the throttle band that the vehicle file promises, fresh and burnt through.
+pub fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
+    let (engine, rating) = (&vehicle.engine, &vehicle.rating);
+    let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
+    let grain = engine.grain();
+    for (port_radius_m, port) in [(grain.port_radius_m, "fresh"), (grain.outer_radius_m, "burnt-through")] {
+        let condition = lit(vehicle, port_radius_m, environment.atmosphere.pressure_pa);
+        let most = engine.inverse(&feed, rating.thrust_command_max_n, &condition, Guess::default());
+        if most.saturated {
+            return Err(Invalid::new(
+                "vehicle.thrust_command_max_n",
+                format!(
+                    "{} N is out of range; this engine gives up to {:.0} N with its {port} port",
+                    rating.thrust_command_max_n, most.point.thrust_n
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The burning engine, throat as at the start.
+fn lit(vehicle: &Vehicle, port_radius_m: f64, ambient_pa: f64) -> EngineCondition {
+    EngineCondition {
+        port_radius_m,
+        throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
+        burning_fraction: 1.0,
+        ambient_pa,
+        chamber_gas: None,
+        fuel_flow_kg_s: None,
+        oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
     }
 }
 
@@ -167,16 +203,7 @@ fn propellant(vehicle: &Vehicle) -> PropellantParameters {
 fn sequence(vehicle: &Vehicle, ambient_pa: f64) -> SequenceParameters {
     let ignition = &vehicle.engine_parameters.ignition;
     let feed = vehicle.engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
-    let condition = EngineCondition {
-        port_radius_m: vehicle.engine.grain().port_radius_m,
-        throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
-        burning_fraction: 1.0,
-        ambient_pa,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    };
+    let condition = lit(vehicle, vehicle.engine.grain().port_radius_m, ambient_pa);
     let idle =
         vehicle.engine.inverse(&feed, vehicle.rating.thrust_command_min_n, &condition, Guess::default());
     SequenceParameters {
@@ -210,16 +237,7 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
         port_radius_m,
     };
     for &radius in &map.port_radius_m {
-        let condition = EngineCondition {
-            port_radius_m: radius,
-            throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
-            burning_fraction: 1.0,
-            ambient_pa,
-            chamber_gas: None,
-            fuel_flow_kg_s: None,
-            oxidizer_flow_limit_kg_s: f64::INFINITY,
-            outlet: None,
-        };
+        let condition = lit(vehicle, radius, ambient_pa);
         let points: Vec<_> =
             map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();
         map.valve_rad.push(points.iter().map(|p| p.valve_rad).collect());

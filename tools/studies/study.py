@@ -94,6 +94,8 @@ def toml(value):
         return str(value).lower()
     if isinstance(value, str):
         return f'"{value}"'
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml(v)}" for key, v in value.items()) + "}"
     if isinstance(value, (list, tuple, np.ndarray)):
         return "[" + ", ".join(toml(v) for v in value) + "]"
     return repr(float(value)) if isinstance(value, float) else str(value)
