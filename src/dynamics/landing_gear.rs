@@ -336,7 +336,8 @@ impl LandingGear {
     }
 
     /// Whether no pad can reach the ground at any attitude: the quick way out in flight.
-    fn clear_of_ground(&self, motion: &Motion, ground_down_m: f64) -> bool {
+    #[inline]
+    pub(crate) fn clear_of_ground(&self, motion: &Motion, ground_down_m: f64) -> bool {
         let height_m = ground_down_m - motion.position_ned_m.z;
         height_m > self.pad_radius_m + self.pad_z_m.abs()
     }

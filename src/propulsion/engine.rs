@@ -373,13 +373,15 @@ impl Engine {
             solved: root.status != RootStatus::Invalid,
             guess: next,
         };
-        let point = match held {
+        let mut point = match held {
             Some(held) => setting.filling_point(oxidizer_kg_s, &held, found),
             None => setting.steady_point(oxidizer_kg_s, hot, found),
         };
-        OperatingPoint { outlet_gas_kg_s, ..point }
+        point.outlet_gas_kg_s = outlet_gas_kg_s;
+        point
     }
 
+    #[inline]
     pub(super) fn setting<'a>(&'a self, condition: &'a EngineCondition) -> Setting<'a> {
         let nozzle = &self.nozzle;
         let throat_radius_m = condition.throat_radius_m.min(nozzle.greatest_throat_radius_m());
@@ -518,6 +520,7 @@ impl<'a> Setting<'a> {
         fuel_kg_s / self.engine.grain.fuel_per_regression_kg_m(self.condition.port_radius_m)
     }
 
+    #[inline]
     pub(super) fn steady_point(
         &self,
         oxidizer_kg_s: f64,
