@@ -257,6 +257,7 @@ impl MassProperties {
         self.inertia_kg_m2 += other.inertia_kg_m2;
     }
 
+    #[inline]
     fn add_axial(&mut self, part: &Axial) {
         self.mass_kg += part.mass;
         self.first_moment_kg_m.z += part.moment;
@@ -402,6 +403,7 @@ impl MassModel {
     }
 
     /// Mass properties and their rates. Pure: the integrator calls it once per stage.
+    #[inline(always)] // so that nothing is written that a stage does not read
     pub fn evaluate(&self, contents: &Contents, rate: &ContentsRate) -> MassState {
         let (height, height_dot) = self.liquid_height(contents, rate);
         // Liquid and gas above it: columns from z1 to z2 above O, of which the surface moves.

@@ -138,6 +138,7 @@ pub fn thrust_direction_body(gimbal_rad: Vector2<f64>) -> Vec3 {
 }
 
 /// Accelerations of the free vehicle. Pure: the integrator calls it once per stage.
+#[inline]
 pub fn accelerations(balance: &Balance) -> Acceleration {
     match balance.slosh[0] {
         Some((mode, state)) if mode.coupling == Coupling::OneWay => one_way(balance, mode, state),
@@ -236,6 +237,7 @@ impl Terms {
     }
 
     /// With the engine deflected.
+    #[inline(never)]
     fn swung(mut self, swing: &Swing, w: Vec3) -> Self {
         let (deflected, relative_acceleration) = deflect(swing);
         let (rate, s_e, i_e) = (deflected.rate, deflected.first_moment, deflected.inertia);
@@ -294,6 +296,7 @@ fn lateral(v: Vector2<f64>) -> Vec3 {
 
 /// Solves the balance with the liquid frozen or coupled both ways. Written out by components: this is the
 /// innermost function of the plant.
+#[inline(always)]
 fn coupled(balance: &Balance) -> Acceleration {
     let Terms { body, load, .. } = Terms::rigid(balance);
     let (m, rest, i) = (body.mass_kg, body.first_moment_kg_m, &body.inertia_kg_m2);
@@ -398,6 +401,7 @@ fn coupled(balance: &Balance) -> Acceleration {
 
 /// The seed paper's coupling: the frozen body drives the oscillator, then the oscillator's force acts on
 /// the frozen body at its station.
+#[inline(never)]
 fn one_way(balance: &Balance, mode: &Mode, state: &SloshState) -> Acceleration {
     let frozen = Balance { slosh: [None; MODES], ..*balance };
     let station = slosh_place(mode, state);

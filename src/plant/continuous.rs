@@ -90,8 +90,13 @@ impl Plant {
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
-    #[inline(always)] // so that a stage computes nothing but its rate
     pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
+        self.evaluate_inline(state, share)
+    }
+
+    /// The same for the steps themselves, which compute nothing of it that they do not use.
+    #[inline(always)]
+    pub(super) fn evaluate_inline(&self, state: &State, share: f64) -> Evaluation {
         let (vehicle, held) = (&self.vehicle, &self.held);
 
         // Actuators.
@@ -329,7 +334,7 @@ impl Plant {
             None if self.feed_stores() => self.feed_point(state, valve_area_m2, share),
             None => {
                 let guess = self.held.guess_at(share);
-                (engine.operating_point(feed, valve_area_m2, &self.condition(state), guess), 0.0)
+                (engine.operating_point_inline(feed, valve_area_m2, &self.condition(state), guess), 0.0)
             }
             Some(paper) => match paper.point {
                 Some(held) => return (held, 0.0),

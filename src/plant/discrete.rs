@@ -46,8 +46,13 @@ impl Plant {
             *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
         }
 
-        let now = self.evaluate(&self.state, 0.0);
-        self.settled = Some(Settled { inputs: self.inputs(&self.state), rate: now.rate });
+        let now = self.evaluate_inline(&self.state, 0.0);
+        let inputs = self.inputs(&self.state);
+        match &mut self.settled {
+            // In place: a rate is large.
+            Some(settled) => (settled.inputs, settled.rate) = (inputs, now.rate),
+            None => self.settled = Some(Settled { inputs, rate: now.rate }),
+        }
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.held.singular {

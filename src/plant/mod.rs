@@ -287,7 +287,7 @@ impl Plant {
     /// The rate alone: what else an evaluation finds need not be stored.
     #[inline(never)]
     fn rate(&self, state: &State, share: f64) -> Rate {
-        self.evaluate(state, share).rate
+        self.evaluate_inline(state, share).rate
     }
 
     /// Rate at the beginning of a step.

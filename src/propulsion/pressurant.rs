@@ -157,13 +157,12 @@ impl Pressurant {
     }
 
     /// Distributes the nitrogen between bottle and tank.
+    #[inline]
     pub fn distribute(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
-        let NitrogenInventory { total_kg, ullage_m3, ambient_pa } = *inventory;
+        let NitrogenInventory { total_kg, ullage_m3, .. } = *inventory;
         let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;
         let total_kg = total_kg.max(0.0);
-        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
-
         let outlet_pa = self.regulator.set_pressure_pa;
         let tank_kg = ullage_m3.max(0.0) * gas.set_kg_m3;
         let bottle_kg = total_kg - tank_kg;
@@ -181,7 +180,18 @@ impl Pressurant {
                 };
             }
         }
-        // Blow-down: the tank pressure at which both volumes hold the whole mass.
+        self.blown_down(gas, inventory)
+    }
+
+    /// Blow-down: the tank pressure at which both volumes hold the whole mass.
+    #[inline(never)]
+    fn blown_down(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
+        let NitrogenInventory { total_kg, ullage_m3, ambient_pa } = *inventory;
+        let bottle_m3 = self.bottle.volume_m3;
+        let drop_pa = self.regulator.minimum_drop_pa;
+        let outlet_pa = self.regulator.set_pressure_pa;
+        let total_kg = total_kg.max(0.0);
+        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
         let excess_kg = |tank_pa: f64| {
             in_tank_kg(tank_pa) + bottle_m3 * gas.bottle.density_kg_m3(tank_pa + drop_pa) - total_kg
         };
