@@ -47,7 +47,12 @@ impl Plant {
         }
 
         let now = self.evaluate(&self.state, 0.0);
-        self.settled = Some(Settled { state: self.state, inputs: self.inputs(&self.state), rate: now.rate });
+        self.settled = Some(Settled {
+            state: self.state,
+            inputs: self.inputs(&self.state),
+            rate: now.rate,
+            guess: (self.held.guess, self.held.trend_pa),
+        });
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
