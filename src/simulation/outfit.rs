@@ -199,9 +199,28 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
         (0..nodes).map(|i| low + (high - low) * i as f64 / (nodes - 1) as f64).collect()
     };
     let rating = &vehicle.rating;
-    let thrust_n = spread(0.5 * rating.thrust_command_min_n, rating.thrust_command_max_n, THRUST_NODES);
     let grain = &vehicle.engine_parameters.grain;
     let port_radius_m = spread(grain.port_radius_m, grain.outer_radius_m, RADIUS_NODES);
+    let condition = |port_radius_m: f64| EngineCondition {
+        port_radius_m,
+        throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
+        burning_fraction: 1.0,
+        ambient_pa,
+        chamber_gas: None,
+        fuel_flow_kg_s: None,
+        oxidizer_flow_limit_kg_s: f64::INFINITY,
+        outlet: None,
+    };
+    // Where the engine cannot give the ends of the band, the table ends at what it gives at every radius.
+    let within = |thrust_n: f64, tighter: fn(f64, f64) -> f64| {
+        port_radius_m.iter().fold(thrust_n, |end_n, &radius| {
+            let at = engine.inverse(&feed, thrust_n, &condition(radius), Guess::default());
+            if at.saturated { tighter(end_n, at.point.thrust_n) } else { end_n }
+        })
+    };
+    let least_n = within(0.5 * rating.thrust_command_min_n, f64::max);
+    let most_n = within(rating.thrust_command_max_n, f64::min);
+    let thrust_n = spread(least_n, most_n, THRUST_NODES);
     let mut map = ThrustMap {
         valve_rad: Vec::with_capacity(RADIUS_NODES),
         oxidizer_kg_s: Vec::with_capacity(RADIUS_NODES),
@@ -210,16 +229,7 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
         port_radius_m,
     };
     for &radius in &map.port_radius_m {
-        let condition = EngineCondition {
-            port_radius_m: radius,
-            throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
-            burning_fraction: 1.0,
-            ambient_pa,
-            chamber_gas: None,
-            fuel_flow_kg_s: None,
-            oxidizer_flow_limit_kg_s: f64::INFINITY,
-            outlet: None,
-        };
+        let condition = condition(radius);
         let points: Vec<_> =
             map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();
         map.valve_rad.push(points.iter().map(|p| p.valve_rad).collect());
