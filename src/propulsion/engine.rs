@@ -327,10 +327,7 @@ impl Engine {
     ) -> OperatingPoint {
         let setting = self.setting(condition);
         let mut near = guess.near;
-        let held = match condition.chamber_gas {
-            None => None,
-            Some(gas) => Some(setting.held(gas, &mut near)),
-        };
+        let held = condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
         let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
         let tank_pa = feed.tank().pressure_pa;
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
