@@ -335,6 +335,11 @@ impl MassModel {
         Self { dry, dry_swinging, tank, bottle, grain, roll_inertia_factor }
     }
 
+    /// Takes another share of the liquid's own inertia about the long axis that turns with the tank.
+    pub fn set_roll_inertia_factor(&mut self, factor: f64) {
+        self.roll_inertia_factor = factor;
+    }
+
     /// The vehicle without contents.
     pub fn dry(&self) -> &MassProperties {
         &self.dry

@@ -14,6 +14,7 @@ mod discrete;
 mod feed;
 mod freeze;
 mod paper;
+mod play;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -81,7 +82,7 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
-/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess. Whoever lets
+/// here: it is taken in before the evaluation that ends a step. Nor is the solver's guess. Whoever lets
 /// [`Plant::evaluate`] read something else that changes between steps adds it here; tests with debug assertions
 /// compare every rate that is taken over with a fresh one.
 #[derive(Clone, Copy, Debug, PartialEq)]
