@@ -156,6 +156,7 @@ impl Servo {
     }
 
     /// Rate under a command (rad), already delayed; a command that is no number holds the angle.
+    #[inline]
     pub fn rate(&self, state: &ServoState, command_rad: f64, memory: &ServoMemory) -> ServoRate {
         let (angle, rate) = (state.angle_rad, state.rate_rad_s);
         let command = if command_rad.is_nan() { angle } else { command_rad };
@@ -182,6 +183,7 @@ impl Servo {
     }
 
     /// What moves behind the play.
+    #[inline]
     pub fn output(&self, state: &ServoState, rate: &ServoRate, memory: &ServoMemory) -> ServoOutput {
         let angle_rad = match memory.taken_up_rad {
             _ if self.backlash_rad <= 0.0 => state.angle_rad,
@@ -195,6 +197,7 @@ impl Servo {
     }
 
     /// Where play and friction leave the servo after a step.
+    #[inline]
     pub fn memory_after(&self, angle_rad: f64, memory: &ServoMemory) -> ServoMemory {
         let root = self.stick_over_loop();
         let within = |held_rad: f64, half: f64| held_rad.min(angle_rad + half).max(angle_rad - half);
