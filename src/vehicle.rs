@@ -254,6 +254,9 @@ impl VehicleFile {
             }
         };
         self.refuse_gas_in_a_feed_that_stores(&mut note);
+        if self.slosh.second_mode && self.slosh.model != SloshModel::TwoWay {
+            note(Err(Invalid::new("", "true needs slosh.model = \"two_way\"")), "slosh.second_mode");
+        }
         note(self.rcs.validate(), "rcs");
         note(self.sensors.validate(), "sensors");
         note(self.controls.validate(), "controls");
@@ -536,7 +539,11 @@ impl Vehicle {
     pub fn keep_to_the_paper(&mut self) {
         self.slosh.model = SloshModel::OneWayPaper;
         self.slosh.hardening_law = HardeningLaw::PerAxis;
+        self.slosh.second_mode = false;
         self.slosh.baffle_damping_ratio = 0.0;
+        // The paper's liquid is a solid column.
+        self.slosh.roll_inertia_factor = 1.0;
+        self.mass.set_roll_inertia_factor(1.0);
         self.gimbal.engine_inertia = false;
         self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
         self.engine_parameters.grain.fuel_flow_lag_s = 0.0;

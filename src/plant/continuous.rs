@@ -402,7 +402,7 @@ impl Plant {
     }
 }
 
-fn stores(state: &State) -> Stores {
+pub(super) fn stores(state: &State) -> Stores {
     Stores { nitrogen_kg: state.nitrogen_kg, nitrous_kg: state.nitrous_kg, gas: state.gas }
 }
 

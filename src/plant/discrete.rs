@@ -42,9 +42,7 @@ impl Plant {
             self.held.valve_memory =
                 self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
         }
-        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
-            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
-        }
+        self.take_up_gimbal();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         let inputs = self.inputs(&self.state);

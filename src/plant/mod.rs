@@ -14,6 +14,7 @@ mod discrete;
 mod feed;
 mod freeze;
 mod paper;
+mod play;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -81,7 +82,7 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. The play is
-/// not here: taking it in after a step leaves its output as it was. Nor is the solver's guess; nor are the anchors,
+/// not here: it is taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
 /// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
