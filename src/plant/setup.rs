@@ -13,7 +13,7 @@ use crate::environment::Environment;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
-    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedInput, Flame, Guess, Modulator,
+    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, Flame, Guess, Modulator,
     PairLevels, PaperEngine, Stages, Stores,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
@@ -88,7 +88,7 @@ impl Plant {
         let ambient_pa = environment.atmosphere.pressure_pa;
         let gas = vehicle.initial_gas(nitrogen_kg, nitrous_kg, ambient_pa);
         let nitrogen = *vehicle.gas_supply(&Stores { nitrogen_kg, nitrous_kg, gas }, ambient_pa).nitrogen();
-        let feed = vehicle.engine.feed_map(nitrogen.tank_pa, vehicle.tank.temperature_k);
+        let feed = vehicle.engine.feed_map(nitrogen.tank_pa, nitrogen.liquid_k);
         let at_rest = vehicle.engine.feed_at_rest(&feed, ambient_pa);
         let q = start.q_ned_from_body;
         let state = State {
@@ -136,10 +136,11 @@ impl Plant {
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
                 anchors: Anchors::default(),
-                feed,
+                feed: FeedGrid::new(feed),
                 feed_start: FeedInput::SHUT,
                 feed_stages: Stages::Two,
                 head_pa: 0.0,
+                head_trend_pa: 0.0,
                 guess: Guess::default(),
                 trend_pa: Default::default(),
                 modulator: Modulator::default(),
@@ -206,8 +207,12 @@ impl Plant {
             let fuel_kg = burning_fraction * gas_kg / (1.0 + of_ratio);
             let gas = ChamberGas { oxidizer_kg: gas_kg - fuel_kg, fuel_kg };
             let condition = EngineCondition { chamber_gas: Some(gas), burning_fraction, ..condition };
-            let point =
-                self.vehicle.engine.operating_point(&self.held.feed, 0.0, &condition, Guess::default());
+            let point = self.vehicle.engine.operating_point(
+                self.feed_in(&self.state),
+                0.0,
+                &condition,
+                Guess::default(),
+            );
             gas_kg / point.nozzle_kg_s
         };
         let mixtures = (1..=15).map(|of_ratio| emptying_s(1.0, f64::from(of_ratio)));
@@ -285,7 +290,7 @@ impl Plant {
             };
             self.vehicle
                 .engine
-                .operating_point(&self.held.feed, area_m2, &condition, self.held.guess)
+                .operating_point(self.feed_in(&self.state), area_m2, &condition, self.held.guess)
                 .chamber_gas_rate
         };
         let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {

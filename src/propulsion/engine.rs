@@ -11,7 +11,7 @@ use super::chamber::{
     Chamber, ChamberGas, ChamberGasRate, ColdGas, NearPressure, Vessel, held_pressure, steady_pressure,
 };
 use super::combustion::{CombustionMap, Mixture};
-use super::feed_map::FeedMap;
+use super::feed_grid::Feed;
 use super::grain::Grain;
 use super::manifold::FeedStores;
 use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
@@ -306,21 +306,21 @@ impl Engine {
     }
 
     /// The forward problem: what the engine does with this much valve area open.
-    pub fn operating_point(
+    pub fn operating_point<'f>(
         &self,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         valve_area_m2: f64,
         condition: &EngineCondition,
         guess: Guess,
     ) -> OperatingPoint {
-        self.operating_point_inline(feed, valve_area_m2, condition, guess)
+        self.operating_point_inline(&feed.into(), valve_area_m2, condition, guess)
     }
 
     /// The same for the innermost caller, which computes nothing of it that it does not use.
     #[inline(always)]
     pub fn operating_point_inline(
         &self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         valve_area_m2: f64,
         condition: &EngineCondition,
         guess: Guess,

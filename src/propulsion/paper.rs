@@ -23,7 +23,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::engine::{Engine, EngineCondition, Guess, OperatingPoint};
-use super::feed_map::FeedMap;
+use super::feed_grid::Feed;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
@@ -143,13 +143,14 @@ impl PaperEngine {
 
     /// P2 (Pa) and vapour share behind the valve for a flow, Eqs 14 and 15; `None` when the injector cannot pass it
     /// at the tank's pressure.
-    pub fn inlet(
+    pub fn inlet<'f>(
         &self,
         engine: &Engine,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         oxidizer_kg_s: f64,
         chamber_pa: f64,
     ) -> Option<(f64, f64)> {
+        let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
         let excess_kg_s = |inlet_pa: f64| {
             let (state, _) = inlet_state(feed, inlet_pa);
@@ -178,20 +179,28 @@ impl PaperEngine {
     }
 
     /// Valve area (m²) that passes a flow at P2, Eq 16.
-    pub fn valve_area_m2(&self, engine: &Engine, feed: &FeedMap, oxidizer_kg_s: f64, inlet_pa: f64) -> f64 {
+    pub fn valve_area_m2<'f>(
+        &self,
+        engine: &Engine,
+        feed: impl Into<Feed<'f>>,
+        oxidizer_kg_s: f64,
+        inlet_pa: f64,
+    ) -> f64 {
+        let feed = &feed.into();
         let tank = feed.tank();
         let flux = (2.0 * tank.density_kg_m3 * (tank.pressure_pa - inlet_pa).max(0.0)).sqrt();
         oxidizer_kg_s / (engine.valve_discharge_coefficient * flux)
     }
 
     /// The forward answer: what the candidate does whose valve area is nearest to the one that is open.
-    pub fn operating_point(
+    pub fn operating_point<'f>(
         &self,
         engine: &Engine,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         valve_area_m2: f64,
         condition: &EngineCondition,
     ) -> OperatingPoint {
+        let feed = &feed.into();
         let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
         let ambient_pa = condition.ambient_pa;
         if !(valve_area_m2 > 0.0 && limit_kg_s > 0.0 && feed.tank().pressure_pa > ambient_pa) {
@@ -238,13 +247,14 @@ impl PaperEngine {
     }
 
     /// The inverse answer: sweep, P2, valve area, angle.
-    pub fn inverse(
+    pub fn inverse<'f>(
         &self,
         engine: &Engine,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         thrust_n: f64,
         condition: &EngineCondition,
     ) -> Inverse {
+        let feed = &feed.into();
         let chosen = self.sweep(engine, condition, thrust_n);
         let (_, open_m2) = engine.valve_area().fully_open();
         let area_m2 = self
@@ -285,7 +295,7 @@ fn throat_m2(engine: &Engine, condition: &EngineCondition) -> f64 {
 }
 
 /// State 2 at P2 and its vapour share: h₂ = h₁.
-fn inlet_state(feed: &FeedMap, inlet_pa: f64) -> (Stagnation, f64) {
+fn inlet_state(feed: &Feed<'_>, inlet_pa: f64) -> (Stagnation, f64) {
     let n2o = Nitrous::tables();
     let enthalpy_j_kg = feed.tank().enthalpy_j_kg;
     if inlet_pa < feed.flash_pa() {
