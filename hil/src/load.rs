@@ -102,7 +102,7 @@ pub fn scenario(path: &Path, overrides: &Overrides, commands: Option<&Path>) -> 
     let folder = path.parent().unwrap_or(Path::new("."));
     let vehicle_path = folder.join(&file.vehicle);
     let mut vehicle_document = document(&vehicle_path)?;
-    file.set_vehicle(flight.file(), &mut vehicle_document)?;
+    file.set_vehicle(&flight, &mut vehicle_document)?;
     for (key, value) in vehicle_overrides {
         vehicle_document.set_given(&format!("vehicle.{key}"), key, value)?;
     }

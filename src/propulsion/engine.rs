@@ -190,6 +190,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
+        super::paper::validate_range(paper, map.of_span())?;
         let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
@@ -365,7 +366,10 @@ impl Engine {
             tolerance: INLET_TOLERANCE * tank_pa,
         };
         let root = bracketed_root(bracket, balance);
-        let quality = inlet.map_or(0.0, |inlet| inlet.quality);
+        let quality = inlet.map_or(0.0, |inlet| match &condition.outlet {
+            None => inlet.quality,
+            Some(outlet) => outlet.quality(root.x, inlet.state.density_kg_m3, inlet.quality),
+        });
         let next = Guess { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, near };
         let found = Found {
             injector_inlet_pa: root.x,
