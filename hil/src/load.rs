@@ -34,6 +34,14 @@ pub fn contradiction(file: &Path, fault: hopbench::input::Invalid) -> InputError
     }
 }
 
+/// Refuses a scenario that nobody can fly.
+pub fn flyable(file: &Path, scenario: &Scenario) -> Result<(), InputError> {
+    if scenario.schedule.is_none() && !scenario.file.sensors.enabled {
+        return Err(unusable(file, "sensors.enabled = false needs a command schedule"));
+    }
+    Ok(())
+}
+
 /// Text of an input file.
 pub fn text(path: &Path) -> Result<String, InputError> {
     std::fs::read_to_string(path).map_err(|e| unusable(path, e.to_string()))

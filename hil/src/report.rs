@@ -84,11 +84,11 @@ pub fn summary(report: &Report) -> String {
     }
     let p = &report.propellant;
     let vapor = match p.nitrous_vapor_kg {
-        kg if kg > 0.0 => format!(", {kg:.3} as vapour"),
+        kg if kg >= 5e-4 => format!(", {kg:.3} as vapour"),
         _ => String::new(),
     };
     let through = match p.nitrogen_nozzle_kg {
-        kg if kg > 0.0 => format!(", {kg:.3} through the engine"),
+        kg if kg >= 5e-4 => format!(", {kg:.3} through the engine"),
         _ => String::new(),
     };
     line(format!(
