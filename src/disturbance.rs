@@ -73,7 +73,11 @@ impl Default for Disturbance {
 impl Disturbance {
     /// Stream of its noise, by its name or else its place.
     fn stream(&self, index: usize) -> String {
-        if self.name.is_empty() { format!("disturbance.{index}") } else { format!("disturbance.{}", self.name) }
+        if self.name.is_empty() {
+            format!("disturbance.{index}")
+        } else {
+            format!("disturbance.{}", self.name)
+        }
     }
 
     /// # Errors
@@ -88,7 +92,10 @@ impl Disturbance {
             ..Self::default()
         };
         if self.duration_s == Some(0.0) {
-            return Err(Invalid::new("duration_s", "0 disturbs nothing: give it a time, or none for all of the flight"));
+            return Err(Invalid::new(
+                "duration_s",
+                "0 disturbs nothing: give it a time, or none for all of the flight",
+            ));
         }
         if *self == idle {
             return Err(Invalid::new(
@@ -116,7 +123,9 @@ pub fn validate(entries: &[Disturbance]) -> Result<(), Invalid> {
         if let Some(first) = (0..index).find(|&first| entries[first].stream(first) == stream) {
             return Err(Invalid::new(
                 format!("{index}.name"),
-                format!("entry {first} has this name too, and the noise that follows from it: each needs its own"),
+                format!(
+                    "entry {first} has this name too, and the noise that follows from it: each needs its own"
+                ),
             ));
         }
     }

@@ -337,10 +337,14 @@ fn paper_mode_refuses_a_step_and_an_integrator_of_the_full_model() {
 /// Polynomials need a range that rises and lies in the map.
 #[test]
 fn a_range_that_nothing_can_be_fitted_to_is_refused() {
-    let given = |range| files::try_scenario("open_loop_a", &[("vehicle.paper_mode.polynomial_of_range", range)]);
+    let given =
+        |range| files::try_scenario("open_loop_a", &[("vehicle.paper_mode.polynomial_of_range", range)]);
     for range in ["[12.0, 1.0]", "[1.0, 1.01]", "[20.0, 40.0]"] {
         let refusal = given(range).unwrap_err().to_string();
-        assert!(refusal.contains("paper_mode.polynomial_of_range") && refusal.contains("0.5 to 15"), "{refusal}");
+        assert!(
+            refusal.contains("paper_mode.polynomial_of_range") && refusal.contains("0.5 to 15"),
+            "{refusal}"
+        );
     }
     // Beyond one end of the map, the map's end serves.
     assert!(given("[2.0, 40.0]").is_ok());

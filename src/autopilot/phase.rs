@@ -301,7 +301,9 @@ impl Sequence {
             Phase::Terminal if low => stopped || carried,
             Phase::Terminal => self.time_in_phase_s > SETTLED_IN_TERMINAL_S && stopped && carried,
             // A vehicle that meets the ground while it believes to be high is stopped hard.
-            Phase::Descent => self.time_in_phase_s > SETTLED_IN_DESCENT_S && stopped && e.unexplained_force > 0.5,
+            Phase::Descent => {
+                self.time_in_phase_s > SETTLED_IN_DESCENT_S && stopped && e.unexplained_force > 0.5
+            }
             _ => false,
         };
         self.contact_for_s = if contact { self.contact_for_s + dt_s } else { 0.0 };

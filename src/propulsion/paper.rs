@@ -281,7 +281,9 @@ pub(super) fn validate_range(paper: &PaperMode, map_span: (f64, f64)) -> Result<
         return Ok(());
     }
     let ([from, to], (low, high)) = (paper.polynomial_of_range, map_span);
-    let message = format!("{from} to {to} is no range to fit: it must rise by {FIT_SPACING} or more within the map's {low} to {high}");
+    let message = format!(
+        "{from} to {to} is no range to fit: it must rise by {FIT_SPACING} or more within the map's {low} to {high}"
+    );
     Err(Invalid::new("paper_mode.polynomial_of_range", message))
 }
 

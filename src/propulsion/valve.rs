@@ -416,7 +416,9 @@ mod tests {
         // The seat of 6.35 mm has 126.7 mm2; Cv 5.5 is C_d A of 93, and 10 is 170.
         let judged = |rows: &str| ValveArea::read(rows, &valve).unwrap().validate(&valve);
         assert_eq!(judged("theta_deg,cv\n0,0\n90,5.5\n"), Ok(()));
-        for slip in ["theta_deg,cv\n0,0\n90,10\n", "theta_deg,cv\n0,0\n90,1e6\n", "theta_deg,area_mm2\n0,0\n90,140\n"] {
+        for slip in
+            ["theta_deg,cv\n0,0\n90,10\n", "theta_deg,cv\n0,0\n90,1e6\n", "theta_deg,area_mm2\n0,0\n90,140\n"]
+        {
             assert_eq!(judged(slip).unwrap_err().key, "seat_radius_m", "{slip}");
         }
     }

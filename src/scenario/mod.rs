@@ -469,7 +469,10 @@ impl ScenarioFile {
         }
         if file.fidelity == Fidelity::Paper {
             let refused = |key: &str| {
-                Invalid::new(key, "has no effect beside fidelity = \"paper\", which is explicit Euler at the vehicle's paper_mode.step_s")
+                Invalid::new(
+                    key,
+                    "has no effect beside fidelity = \"paper\", which is explicit Euler at the vehicle's paper_mode.step_s",
+                )
             };
             if file.physics.step_s != PLANT_STEP_S {
                 faults.push(refused("physics.step_s"));

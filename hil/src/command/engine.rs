@@ -122,7 +122,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         print_json(&point)?;
     } else {
         let mut marks = String::new();
-        for (holds, mark) in [(point.saturated, "  saturated"), (point.of_ratio.is_none(), "  no fuel left")] {
+        for (holds, mark) in [(point.saturated, "  saturated"), (point.of_ratio.is_none(), "  no fuel left")]
+        {
             marks += if holds { mark } else { "" };
         }
         print_text(&format!("{title}{HEADING}\n{}{marks}\n", row(&point)))?;
