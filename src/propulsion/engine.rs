@@ -190,6 +190,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
+        super::paper::validate_range(paper, map.of_span())?;
         let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
@@ -363,10 +364,11 @@ impl Engine {
                 }
             };
             let mut injector_flux = feed.injector_flux_kg_m2_s(&state, chamber_pa);
+            quality = state.quality;
             if let Some(outlet) = outlet {
                 injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
+                quality = outlet.quality(inlet_pa, density_kg_m3, state.quality);
             }
-            quality = state.quality;
             self.injector_area_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {
