@@ -49,8 +49,8 @@ def figures_of(flight):
         "rise": first(0.9) - first(0.1), "burn": depleted - VALVE_S,
         "spike": np.max(thrust[time > depleted - 0.05]) / end - 1.0,
         "tail": mean(thrust, depleted + 2.0, depleted + 2.1) / end,
-        # The schedule shuts the valve 10 s after it opened at 100 and 50 %.
-        "of": mean(flight["oxidizer_kg_s"], 3.7, 3.8) / mean(flight["fuel_kg_s"], 3.7, 3.8) if "fuel_kg_s" in flight.columns else 0.0,
+        "of": mean(flight["of_ratio"], 3.7, depleted - 0.05), "isp": start / mean(flight["oxidizer_kg_s"] + flight["fuel_kg_s"], 3.7, 3.8),
+        "port": 1e3 * flight["port_radius_m"][np.searchsorted(time, depleted)],
     }
 
 
@@ -65,19 +65,33 @@ def main():
     rows = [
         [f"{percent}", f"{f['start']:.1f}", f"{f['start'] / top['start']:.3f}", f"{f['mean']:.1f}", f"{f['mean'] / top['mean']:.3f}",
          f"{f['flow']:.4f}", f"{f['flow'] / top['flow']:.3f}", f"{f['rise']:.3f}", f"{100 * (f['end'] / f['start'] - 1):+.1f}",
-         f"{f['burn']:.2f}", f"{100 * f['spike']:+.1f}", f"{100 * f['tail']:.1f}"]
+         f"{f['burn']:.2f}", f"{100 * f['spike']:+.1f}", f"{100 * f['tail']:.1f}", f"{f['of']:.2f}", f"{f['isp']:.0f}",
+         f"{f['port']:.1f}"]
         for percent, f in found.items()
     ]
     header = ["valve %", "start N", "ratio", "mean N", "ratio", "flow kg/s", "ratio", "rise s", "over the plateau %", "burn s", "spike %",
-              "2 s later, % of the plateau's end"]
+              "2 s later, % of the plateau's end", "O/F", "N s/kg", "port at the end mm"]
     say(markdown(header, rows))
 
     cold = fly("static_fire_100", {"duration_s": 3.8}, schedule(NO_FIRE, ["valve_deg", "igniter"]), 1000)
     say(f"\nnot lit at 100 %: {cold['thrust_n'][-1]:.1f} N, {cold['thrust_n'][-1] / top['start']:.3f} of lit, {cold['oxidizer_kg_s'][-1]:.3f} kg/s")
     if short:
         return
-    at_once = [figures_of(fly(f"static_fire_{p}", {"vehicle.engine.ignition.igniter_delay_s": 0.0}, rate_hz=1000))["rise"] for p in fires]
-    say("rise with a flame as soon as oxidiser flows: " + ", ".join(f"{rise:.2f} s" for rise in at_once))
+    say(f"thrust before the flame: {fires[100]['thrust_n'][np.searchsorted(fires[100].time, VALVE_S + 0.29)] / top['start']:.2f} of the plateau's start")
+    for constant_s in (0.25, 0.37):
+        ignition = {"vehicle.engine.ignition.igniter_delay_s": 0.0, "vehicle.engine.ignition.rise_time_constant_s": constant_s}
+        rises = [figures_of(fly(f"static_fire_{percent}", ignition, rate_hz=1000))["rise"] for percent in fires]
+        say(f"rise with a flame as soon as oxidiser flows, time constant {constant_s} s: " + ", ".join(f"{rise:.2f} s" for rise in rises))
+
+    # The valve by its published flow coefficients and by its geometry, through the same discharge coefficients.
+    # A coefficient under 0.1 is out of range, so that the angle is less instead: the product is what counts.
+    for name, coefficient, deg in (
+        ("flow coefficients", 0.1, 4.5), ("geometry", 0.1, 8.4), ("geometry, 0.8", 0.121, 13.5), ("to pass the recorded flow", 0.353, 13.5),
+    ):
+        keys = {"duration_s": 4.5, "vehicle.feed.valve.discharge_coefficient": coefficient}
+        flight = fly("static_fire_15", keys, schedule([[0.0, 0.0], [VALVE_S, deg]], ["valve_deg"]), 1000)
+        share, passed = flight["thrust_n"][-1] / top["start"], flight["oxidizer_kg_s"][-1] / top["flow"]
+        say(f"15 %, {name}: {1e6 * coefficient * flight['valve_area_m2'][-1]:.2f} mm2, {share:.2f} of the thrust, {passed:.2f} of the flow at 100 %")
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), sharey=True, constrained_layout=True)
     for percent, flight in fires.items():
