@@ -22,9 +22,17 @@
 //! paper writes it, or with the distance from the axis, which in a round tank is the law that gives no
 //! moment about the axis: then the two directions exchange energy, and planar motion that is driven beyond
 //! the amplitude (2 f/α)^(1/3), f the driving acceleration, α the cubic stiffness per mass, goes over into
-//! rotary motion. A ring baffle adds damping that grows with the root of the amplitude a,
-//! `ζ = ζ_b (a/R)^(1/2)`, `a² = s² + (s'/ω)²` (Miles, Ring Damping of Free Surface Oscillations in a Circular
+//! rotary motion. A ring baffle damps the first mode by an amount that grows with the root of the wave's height η at
+//! the wall, `ζ = ζ_b (η/R)^(1/2)` (Miles, Ring Damping of Free Surface Oscillations in a Circular
 //! Tank, J. Appl. Mech. 25, 1958, whose ζ_b is 2.83 (A/(π R²))^(3/2) exp(-4.6 d/R) for a ring of area A at depth d).
+//! The wave η cos θ pushes the wall with π ρ g R² η tanh(ξ h/R)/ξ, the mass m_s displaced by a with m_s ω² a, so
+//!
+//! ```text
+//! η/a = m_s ξ²/(π ρ R³) = 2 ξ tanh(ξ h/R)/(ξ² - 1)         1.541 deep        a² = s² + (s'/ω)²
+//! ```
+//!
+//! The second mode keeps its damping ratio: that depth law is the first mode's, 2.5 ξ d/R, and another mode would need
+//! the depth itself; its wave is a quarter as high (η/a = 0.389), and dies 2.9 times as fast with depth.
 //!
 //! Damping has a floor, and beyond
 //! `stop_fraction` of the radius a damped stop pushes the liquid back: in free fall there is no gravity
@@ -89,7 +97,7 @@ pub struct Slosh {
     /// Second lateral mode beside the first, in the two-way form.
     #[serde(default)]
     pub second_mode: bool,
-    /// Damping ratio that a ring baffle adds at an amplitude of one tank radius; it grows with the root of the amplitude. 0: no baffle.
+    /// Damping ratio that a ring baffle would add to the first mode at a wave as high, at the wall, as the tank's radius; it grows with the root of that height. 0: no baffle.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub baffle_damping_ratio: f64,
@@ -133,7 +141,7 @@ pub struct Mode {
     pub stiffness_1_s2: f64,
     /// 2ζω, not below its floor (1/s).
     pub damping_rate_1_s: f64,
-    /// Damping rate of the baffle over the root of the amplitude's speed ω a (1/s per (m/s)^(1/2)).
+    /// Damping rate of the baffle over the root of the amplitude's speed ω a (1/s per (m/s)^(1/2)); the first mode's.
     pub baffle_rate: f64,
     /// Cubic stiffness over mass (1/(m² s²)).
     pub hardening_1_m2_s2: f64,
@@ -161,6 +169,7 @@ pub struct SloshState {
 impl Slosh {
     /// The modes of so much liquid under an axial specific force (m/s²), every applied force but gravity
     /// over mass, positive when it presses the liquid on the floor; `None` where a mode does not run.
+    #[inline]
     pub fn modes(
         &self,
         tank: &TankGeometry,
@@ -173,6 +182,7 @@ impl Slosh {
         [mode(XI[0]), if second { mode(XI[1]) } else { None }]
     }
 
+    #[inline]
     fn mode(
         &self,
         xi: f64,
@@ -184,16 +194,17 @@ impl Slosh {
         let radius = tank.radius_m;
         let height = (nitrous_kg * tank.height_per_kg(nitrous_density_kg_m3)).clamp(0.0, tank.length_m);
         // tanh(x) from tanh(x/2), the one transcendental call.
-        let x = xi * height / radius;
+        let wave_number = xi / radius; // [1/m]
+        let x = wave_number * height;
         let half = libm::tanh(0.5 * x);
         let full = 2.0 * half / (1.0 + half * half);
-        let station_z_body_m = -(tank.floor_z_m + height - 2.0 * radius / xi * half);
+        let station_z_body_m = -(tank.floor_z_m + height - (2.0 / xi) * radius * half);
 
         let (coupling, mass_kg, g_eff) = match self.model {
             SloshModel::Frozen => return None,
             SloshModel::TwoWay => {
                 let slope = if x > 1e-9 { full / x } else { 1.0 }; // tanh(x)/x
-                let mass_kg = nitrous_kg.max(0.0) * 2.0 * slope / (xi * xi - 1.0);
+                let mass_kg = nitrous_kg.max(0.0) * slope * (2.0 / (xi * xi - 1.0));
                 (Coupling::TwoWay, mass_kg, axial_specific_force_m_s2.max(0.0))
             }
             SloshModel::OneWayPaper => {
@@ -201,7 +212,7 @@ impl Slosh {
                 (Coupling::OneWay, mass_kg, STANDARD_GRAVITY_M_S2)
             }
         };
-        let stiffness_1_s2 = g_eff * xi / radius * full;
+        let stiffness_1_s2 = g_eff * wave_number * full;
         let floor_1_s = match coupling {
             Coupling::TwoWay => self.minimum_damping_rate_1_s,
             Coupling::OneWay => 0.0,
@@ -211,8 +222,10 @@ impl Slosh {
             station_z_body_m,
             stiffness_1_s2,
             damping_rate_1_s: (2.0 * self.damping_ratio * stiffness_1_s2.sqrt()).max(floor_1_s),
-            baffle_rate: if self.baffle_damping_ratio > 0.0 {
-                2.0 * self.baffle_damping_ratio * (stiffness_1_s2.sqrt() / radius).sqrt()
+            baffle_rate: if self.baffle_damping_ratio > 0.0 && xi == XI[0] {
+                let cube = core::f64::consts::PI * radius * radius * radius;
+                let wave_per_m = mass_kg * xi * xi / (nitrous_density_kg_m3 * cube); // η/a
+                2.0 * self.baffle_damping_ratio * (stiffness_1_s2.sqrt() * wave_per_m / radius).sqrt()
             } else {
                 0.0
             },
@@ -229,6 +242,7 @@ impl Slosh {
 impl Mode {
     /// What spring, damper and stop give the liquid, per unit of its mass (m/s²). The vehicle feels the
     /// opposite, times [`Mode::mass_kg`].
+    #[inline]
     pub fn restoring_m_s2(&self, state: &SloshState) -> Vector2<f64> {
         let (s, v) = (state.displacement_body_m, state.velocity_body_m_s);
         let distance_squared = s.dot(&s);
@@ -238,7 +252,7 @@ impl Mode {
         };
         let mut damping_rate_1_s = self.damping_rate_1_s;
         if self.baffle_rate > 0.0 {
-            // 2 ω ζ_b (a/R)^(1/2) with (ω a)² = ω² s² + s'².
+            // 2 ω ζ_b (η/R)^(1/2) with (ω a)² = ω² s² + s'².
             let amplitude_speed_m_s = (self.stiffness_1_s2 * distance_squared + v.dot(&v)).sqrt();
             damping_rate_1_s += self.baffle_rate * amplitude_speed_m_s.sqrt();
         }

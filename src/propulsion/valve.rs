@@ -328,7 +328,7 @@ mod tests {
             let area = ValveArea::read(&text, &Valve { discharge_coefficient: cd, ..valve() }).unwrap();
             for (i, cv) in CV_60.iter().enumerate().skip(1) {
                 let angle_rad = (9.0 * i as f64).to_radians();
-                let flow_m3_s = cd * area.area_m2(angle_rad) * (2.0f64 * 6894.757_293 / 999.0).sqrt();
+                let flow_m3_s = cd * area.area_m2(angle_rad) * (2.0f64 * 6_894.757_293 / 999.0).sqrt();
                 let gallons_a_minute = flow_m3_s / 3.785_411_784e-3 * 60.0;
                 // The constant has eight digits.
                 assert!((gallons_a_minute - cv).abs() <= 1e-7 * cv, "{i}: {gallons_a_minute} {cv}");
