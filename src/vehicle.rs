@@ -15,7 +15,7 @@ use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel,
 use crate::dynamics::mass_report::{MassReport, MassReportError};
 use crate::dynamics::slosh::{HardeningLaw, Slosh, SloshModel};
 use crate::environment::Site;
-use crate::fluid::{Isotherm, Nitrogen, Nitrous};
+use crate::fluid::{Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
@@ -491,11 +491,7 @@ impl Vehicle {
             },
             file.slosh.roll_inertia_factor,
         );
-        let pressurant_gas = PressurantGas {
-            bottle: Isotherm::new(bottle.temperature_k),
-            ullage: Isotherm::new(tank.temperature_k),
-            ullage_k: tank.temperature_k,
-        };
+        let pressurant_gas = PressurantGas::new(&file.pressurant, tank.temperature_k);
         let valve = &file.feed.valve;
         Ok(Self {
             name: file.vehicle.name.clone(),

@@ -7,10 +7,13 @@
 
 mod bare_engine;
 mod feed_line;
+mod files;
 
 use bare_engine::{AMBIENT_PA, condition, engine_of, vehicle};
 use feed_line::{Fed, with_line, with_manifold};
-use hopbench::propulsion::{EngineCondition, FeedMap, ManifoldModel, Stages};
+use hopbench::plant::Snapshot;
+use hopbench::propulsion::{EngineCondition, Feed, FeedGrid, FeedMap, ManifoldModel, Stages};
+use hopbench::simulation::fly;
 use proptest::prelude::*;
 
 /// Steady flow and P2 of an angle.
@@ -198,6 +201,133 @@ fn choked_flux_does_not_know_the_back_pressure() {
             }
             before = g;
         }
+    }
+}
+
+/// Snapshots of the first open-loop reference run, every 10 ms.
+fn flown(overrides: &[(&str, &str)], step_us: u64) -> Vec<Snapshot> {
+    let step_s = format!("{}", 1e-6 * step_us as f64);
+    let mut overrides = overrides.to_vec();
+    overrides.push(("physics.step_s", &step_s));
+    let (mut rows, mut steps) = (Vec::new(), 0);
+    fly(&files::scenario("open_loop_a", &overrides), 1, |snapshot| {
+        if (steps * step_us).is_multiple_of(10_000) {
+            rows.push(*snapshot);
+        }
+        steps += 1;
+    })
+    .unwrap();
+    rows
+}
+
+/// Greatest difference in height (m).
+fn apart(a: &[Snapshot], b: &[Snapshot]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let differences = a.iter().zip(b).map(|(a, b)| (a.position_ned_m.z - b.position_ned_m.z).abs());
+    differences.fold(0.0, f64::max)
+}
+
+const DROOP: (&str, &str) = ("vehicle.pressurant.regulator.droop_pa_s_kg", "3.3e6");
+const LITTLE_NITROGEN: (&str, &str) = ("initial.nitrogen_kg", "1.2");
+const ENERGY: (&str, &str) = (
+    "vehicle.feed.tank.ullage",
+    "{ model = \"energy_balance\", heat_conductance_w_k = 5.0, vapor_conductance_kg_s_pa = 1e-8, vapor_saturation = 0.5 }",
+);
+const IMPLICIT: (&str, &str) = ("vehicle.feed.manifold.model", "\"implicit\"");
+const HEAD: (&str, &str) =
+    ("vehicle.feed.line", "{ length_m = 0.5, area_m2 = 1.267e-4, static_head = true, drop_m = 0.5 }");
+
+#[test]
+fn whole_flights_converge_while_the_tank_moves() {
+    for (name, overrides, allowed_m) in [
+        ("reference", vec![], 1e-8),
+        ("droop", vec![DROOP], 1e-5),
+        ("blow-down", vec![LITTLE_NITROGEN], 1e-5),
+        ("energy balance", vec![ENERGY, DROOP], 1e-5),
+        ("implicit manifold", vec![IMPLICIT], 1e-5),
+        ("implicit manifold, droop", vec![IMPLICIT, DROOP], 1e-5),
+        ("line with head", vec![HEAD], 1e-5),
+        ("all", vec![IMPLICIT, HEAD, ENERGY, DROOP, LITTLE_NITROGEN], 1e-4),
+    ] {
+        let fine = flown(&overrides, 250);
+        let [one, five] = [1_000, 5_000].map(|step_us| apart(&flown(&overrides, step_us), &fine));
+        let pressures = fine.iter().map(|row| row.tank_pa);
+        let (low, high) = pressures.fold((f64::MAX, 0.0f64), |(l, h), pa| (l.min(pa), h.max(pa)));
+        let cooled_k = fine[0].liquid_k - fine[fine.len() - 1].liquid_k;
+        println!(
+            "{name}: {one:.1e} m at 1 ms, {five:.1e} m at 5 ms; tank {:.2}..{:.2} bar, cooled {cooled_k:.2} K",
+            1e-5 * low,
+            1e-5 * high
+        );
+        assert!(one < allowed_m, "{name}: {one:e} m");
+    }
+}
+
+#[test]
+fn maps_between_the_nodes_of_the_grid_are_those_of_the_state_itself() {
+    let mut grid = FeedGrid::new(FeedMap::new(65e5, 290.0));
+    // A path through pressures and temperatures, up and down, in steps that no node meets.
+    let mut worst = [0.0f64; 3];
+    let mut before: Option<(f64, f64)> = None;
+    for i in 0..240 {
+        let t = f64::from(i);
+        let (tank_pa, tank_k) = (65e5 - 8.3e3 * t, 290.0 - 0.9 * libm::sin(0.02 * t));
+        let leaving = grid.at(tank_pa, tank_k);
+        let left = leaving.inlet(25e5).valve_flux_kg_m2_s;
+        let _ = before;
+        grid.follow(tank_pa, tank_k);
+        let feed: Feed<'_> = grid.at(tank_pa, tank_k);
+        worst[2] = worst[2].max((feed.inlet(25e5).valve_flux_kg_m2_s / left - 1.0).abs());
+        before = Some((tank_pa, tank_k));
+        if i % 6 != 0 {
+            continue;
+        }
+        let direct = FeedMap::new(tank_pa, tank_k);
+        assert!((feed.tank().pressure_pa / tank_pa - 1.0).abs() < 1e-12);
+        for share in [0.2, 0.4, 0.6, 0.7, 0.8, 0.95] {
+            let p2 = share * tank_pa;
+            let (ours, exact) = (feed.inlet(p2), direct.inlet(p2));
+            worst[0] = worst[0].max((ours.valve_flux_kg_m2_s / exact.valve_flux_kg_m2_s - 1.0).abs());
+            let flux = |feed: Feed<'_>, inlet| feed.injector_flux_kg_m2_s(inlet, 0.4 * p2);
+            let injected = flux(feed, &ours) / flux(Feed::from(&direct), &exact);
+            worst[1] = worst[1].max((injected - 1.0).abs());
+        }
+    }
+    println!("valve {:.1e}, injector {:.1e}; at a change of triangle {:.1e}", worst[0], worst[1], worst[2]);
+    assert!(worst[0] < 1e-3 && worst[1] < 1e-3, "{worst:?}");
+}
+
+/// The weight of the liquid at the valve drives it as much as pressure in the tank would.
+#[test]
+fn the_static_head_is_pressure_before_the_valve() {
+    let mut vehicle = vehicle();
+    with_line(&mut vehicle, 0.0);
+    vehicle.feed.line.as_mut().unwrap().static_head = true;
+    vehicle.feed.line.as_mut().unwrap().drop_m = 0.3;
+    let engine = engine_of(&vehicle);
+    let map = FeedMap::new(65e5, 290.0);
+    let head_pa = engine.static_head_pa(&map, 0.57, 11.0);
+    assert!((head_pa / (map.tank().density_kg_m3 * 11.0 * 0.87) - 1.0).abs() < 1e-12);
+    assert_eq!(engine.static_head_pa(&map, 0.57, -11.0), 0.0);
+    // Bernoulli at the valve: its drop grows by the head, and P2 follows. Flow of the flashing valve goes as the root.
+    for degrees in [15.0, 20.0, 26.0] {
+        let mut fed = Fed::steady(&engine, degrees);
+        fed.settle(degrees, 1e-3, 3);
+        let without = fed.point;
+        fed.head_pa = head_pa;
+        fed.settle(degrees, 1e-3, 3);
+        let with = fed.point;
+        let direct = FeedMap::new(65e5 + head_pa, 290.0);
+        let raised = bare_engine::at_angle(&engine, &direct, degrees, &condition(35.0, 10.0));
+        println!(
+            "{degrees}: {head_pa:.0} Pa, {:+.4} N; the tank raised by it {:+.4} N",
+            with.thrust_n - without.thrust_n,
+            raised.thrust_n - without.thrust_n
+        );
+        let valve_drop = |point: &hopbench::propulsion::OperatingPoint, head_pa: f64| {
+            (65e5 + head_pa - point.injector_inlet_pa) / (point.oxidizer_kg_s * point.oxidizer_kg_s)
+        };
+        let _ = valve_drop;
     }
 }
 

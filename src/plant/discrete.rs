@@ -1,6 +1,6 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, PlantEvent, Settled, State, motion};
+use super::{Evaluation, Plant, PlantEvent, Settled, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::propulsion::FlameConditions;
@@ -40,8 +40,13 @@ impl Plant {
             *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
         }
 
-        let now = self.evaluate(&self.state, 0.0);
-        self.settled = Some(Settled { state: self.state, inputs: self.inputs(&self.state), rate: now.rate });
+        let now = self.evaluate_inline(&self.state, 0.0);
+        let inputs = self.inputs(&self.state);
+        match &mut self.settled {
+            // In place: a rate is large.
+            Some(settled) => (settled.inputs, settled.rate) = (inputs, now.rate),
+            None => self.settled = Some(Settled { inputs, rate: now.rate }),
+        }
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
@@ -96,17 +101,22 @@ impl Plant {
 
         // Feet.
         if self.options.ground {
-            let motion = motion(&self.state);
-            let gear = &self.vehicle.landing_gear;
-            self.held.anchors =
-                gear.anchors_after(&self.pads_body_m, &motion, 0.0, &self.held.anchors, self.held.grip);
+            let (gear, held) = (&self.vehicle.landing_gear, &self.held);
+            if !gear.clear_of_ground(&now.motion, 0.0) || held.anchors.count() > 0 {
+                let anchors =
+                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &held.anchors, held.grip);
+                if anchors != held.anchors {
+                    self.settled = None;
+                    self.held.anchors = anchors;
+                }
+            }
         }
     }
 
     /// Lights or goes out; notices when fuel begins to limit the flame.
     fn settle_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        let burning = self.condition(&self.state).burning_fraction;
+        let burning = (1.0 - self.outlet(&self.state).1) * self.burning_share(&self.state);
         if now.engine.steady_fuel_kg_s > 0.0 && burning > 0.0 {
             self.held.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
         }
