@@ -36,16 +36,15 @@ impl Plant {
             self.held.valve_memory =
                 self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
         }
-        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
-            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
-        }
+        self.take_up_gimbal();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         let inputs = self.inputs(&self.state);
+        let guess = (self.held.guess, self.held.trend_pa);
         match &mut self.settled {
             // In place: a rate is large.
-            Some(settled) => (settled.inputs, settled.rate) = (inputs, now.rate),
-            None => self.settled = Some(Settled { inputs, rate: now.rate }),
+            Some(settled) => (settled.inputs, settled.rate, settled.guess) = (inputs, now.rate, guess),
+            None => self.settled = Some(Settled { inputs, rate: now.rate, guess }),
         }
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);

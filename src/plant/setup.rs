@@ -20,6 +20,9 @@ use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
+/// Airspeed up to which drag must be sound (m/s): Mach 0.3, where its model ends.
+const JUDGED_AIRSPEED_M_S: f64 = 100.0;
+
 /// Step at which a vehicle must be sound (s): that of every flight but studies of the step itself.
 const JUDGED_STEP_S: f64 = 1e-3;
 
@@ -177,6 +180,7 @@ impl Plant {
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
         plant.judge_chamber()?;
+        plant.judge_drag()?;
         if options.ground {
             plant.judge_legs()?;
             plant.stand()?;
@@ -226,6 +230,33 @@ impl Plant {
             shortest_s, JUDGED_STEP_S
         );
         Err(Invalid::new("engine.chamber.model", message))
+    }
+
+    /// Drag so great for the body that the fixed step would throw it back faster than it came.
+    fn judge_drag(&self) -> Result<(), Invalid> {
+        let (aero, dry) = (&self.vehicle.aero, self.vehicle.mass.dry());
+        let Some(per_inertia) = dry.inertia_about_com_kg_m2().try_inverse() else { return Ok(()) };
+        let lever = aero.centre_of_pressure_body_m() - dry.centre_of_mass_body_m();
+        let gain_1_kg = |axis: Vec3| {
+            let arm = lever.cross(&axis);
+            1.0 / dry.mass_kg + arm.dot(&(per_inertia * arm))
+        };
+        let across_1_kg = gain_1_kg(Vec3::x()) + gain_1_kg(Vec3::y());
+        let momentum_kg_m2_s = self.environment.atmosphere.density_kg_m3 * JUDGED_AIRSPEED_M_S;
+        for (key, area_m2, gain_1_kg) in [
+            ("aero.drag_area_lateral_m2", aero.drag_area_lateral_m2, across_1_kg),
+            ("aero.drag_area_axial_m2", aero.drag_area_axial_m2, gain_1_kg(Vec3::z())),
+        ] {
+            let allowed_m2 = 2.5 / (JUDGED_STEP_S * momentum_kg_m2_s * gain_1_kg);
+            if area_m2 > allowed_m2 {
+                let message = format!(
+                    "{area_m2} stops the dry vehicle at {JUDGED_AIRSPEED_M_S} m/s within less than the step \
+                     resolves; allowed up to {allowed_m2:.3e}, with its centre of pressure where it is"
+                );
+                return Err(Invalid::new(key, message));
+            }
+        }
+        Ok(())
     }
 
     /// Legs so stiff for the body on them that the fixed step would make it explode.

@@ -190,6 +190,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
+        super::paper::validate_range(paper, map.of_span())?;
         let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
@@ -327,10 +328,7 @@ impl Engine {
     ) -> OperatingPoint {
         let setting = self.setting(condition);
         let mut near = guess.near;
-        let held = match condition.chamber_gas {
-            None => None,
-            Some(gas) => Some(setting.held(gas, &mut near)),
-        };
+        let held = condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
         let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
         let tank_pa = feed.tank().pressure_pa;
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
@@ -366,10 +364,11 @@ impl Engine {
                 }
             };
             let mut injector_flux = feed.injector_flux_kg_m2_s(&state, chamber_pa);
+            quality = state.quality;
             if let Some(outlet) = outlet {
                 injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
+                quality = outlet.quality(inlet_pa, density_kg_m3, state.quality);
             }
-            quality = state.quality;
             self.injector_area_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {

@@ -111,7 +111,7 @@ pub struct PaperMode {
     #[serde(default = "polynomial_degree")]
     #[schemars(range(min = 1, max = 12))]
     pub polynomial_degree: u32,
-    /// O/F between which they are fitted; held at the ends beyond.
+    /// O/F between which they are fitted, rising and at least 0.25 of it inside the map's own range; held at the ends beyond.
     #[serde(default = "polynomial_of_range")]
     #[schemars(inner(range(min = 0.1, max = 40.0)))]
     pub polynomial_of_range: [f64; 2],

@@ -29,6 +29,7 @@ use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
 use super::{ChamberGasRate, EngineParameters, PaperMode};
 use crate::fluid::{Nitrous, Stagnation};
+use crate::input::Invalid;
 use crate::interpolate::{Bracket, bracketed_root};
 
 /// Sea level of the paper's specific impulse (Pa).
@@ -74,11 +75,7 @@ impl PaperEngine {
     pub fn new(engine: &Engine, parameters: &EngineParameters, paper: &PaperMode) -> Self {
         let map = engine.map();
         let nozzle = engine.nozzle();
-        let (low, high) = map.of_span();
-        let [from, to] = paper.polynomial_of_range;
-        let span = (from.clamp(low, high), to.clamp(low, high));
-        // A range outside the map would be a point; then the map's own range serves.
-        let span = if span.1 - span.0 > FIT_SPACING { span } else { (low, high) };
+        let span = fitted_span(paper, map.of_span());
         let c_star = |of: f64| map.mixture(of).c_star_m_s(0.0);
         let lost_m2 = SEA_LEVEL_PA * nozzle.expansion_ratio / parameters.map.reference_pressure_pa;
         let isp = |of: f64| map.mixture(of).vacuum_isp_s(0.0) - lost_m2 * c_star(of) / STANDARD_GRAVITY_M_S2;
@@ -285,6 +282,25 @@ impl PaperEngine {
             ..hot
         }
     }
+}
+
+/// Refuses a range of the polynomials that leaves nothing of the map to fit.
+pub(super) fn validate_range(paper: &PaperMode, map_span: (f64, f64)) -> Result<(), Invalid> {
+    let span = fitted_span(paper, map_span);
+    if span.1 - span.0 >= FIT_SPACING {
+        return Ok(());
+    }
+    let ([from, to], (low, high)) = (paper.polynomial_of_range, map_span);
+    let message = format!(
+        "{from} to {to} is no range to fit: it must rise by {FIT_SPACING} or more within the map's {low} to {high}"
+    );
+    Err(Invalid::new("paper_mode.polynomial_of_range", message))
+}
+
+/// The part of the map that the polynomials are fitted to.
+fn fitted_span(paper: &PaperMode, (low, high): (f64, f64)) -> (f64, f64) {
+    let [from, to] = paper.polynomial_of_range;
+    (from.clamp(low, high), to.clamp(low, high))
 }
 
 /// Throat area times discharge coefficient (m²).
