@@ -32,7 +32,7 @@ impl Plant {
         let head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
         let start = self.feed_input(&self.state, head_pa);
         let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, now.chamber_pa);
-        // Within the step the head goes on as it went in the last one: second order.
+        // Within the step the head goes on as it went in the last one.
         self.held.head_trend_pa = if self.held.head_pa > 0.0 { head_pa - self.held.head_pa } else { 0.0 };
         self.held.head_pa = head_pa;
         self.held.feed_stages = stages;
@@ -74,7 +74,7 @@ impl Plant {
         let FeedInput { valve_area_m2, condition, .. } = self.feed_input(&self.state, 0.0);
         let feed = self.feed_in(&self.state);
         let steady = EngineCondition { fuel_flow_kg_s: None, ..condition };
-        let point = engine.operating_point_inline(&feed, valve_area_m2, &steady, self.held.guess);
+        let point = engine.operating_point(&feed, valve_area_m2, &steady, self.held.guess);
         let fed = engine.feed_steady(feed, &point);
         self.state.manifold_kg = fed.manifold_kg;
         self.state.line_kg_s = fed.line_kg_s;

@@ -61,7 +61,7 @@ impl Engine {
         let valve_rad = self.valve_area.angle_rad(area_m2.min(open_m2));
         let valve_area_m2 = self.valve_area.area_m2(valve_rad);
         let start = Guess { near, ..inlet_guess };
-        let point = self.operating_point_inline(feed, valve_area_m2, &steady, start);
+        let point = self.operating_point(feed, valve_area_m2, &steady, start);
         Inverse { valve_rad, valve_area_m2, point, saturated }
     }
 }
