@@ -200,7 +200,7 @@ fn play_of_the_gimbal_leaves_momentum_alone() {
             println!(
                 "{model} backlash {backlash}: {linear:.1e} N s, {angular:.1e} N m s; body up to {fastest:.2e}, in the end {end:.1e} rad/s"
             );
-            assert!(taken_up > 50 && fastest > 1e-2, "it moves");
+            assert!(taken_up > 10 && fastest > 1e-2, "it moves");
             // RK4 at 1 ms over the kinks of the servo's limits leaves 3e-6 without any play; the engine's own is up to
             // 2 N m s.
             assert!(linear < 1e-4 && angular < 1e-4, "{model} {backlash}: {linear:e} {angular:e}");
