@@ -72,14 +72,14 @@ pub struct DryPart {
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub mass_kg: Option<f64>,
     /// Centre of mass from the gimbal pivot (m), structural axes.
-    #[schemars(inner(inner(range(min = -20.0, max = 20.0))))]
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: Option<[f64; 3]>,
     /// Inertia about the part's own centre of mass (kg m²), structural axes, tensor convention, symmetric.
     pub inertia_kg_m2: Option<[[f64; 3]; 3]>,
     /// Report "Mass Properties" of SolidWorks, beside the vehicle file, instead of the three keys above; its products of inertia are read with the sign that the report names.
     pub file: Option<String>,
     /// With `file`: the report's origin from the gimbal pivot (m), structural axes; absent: they coincide.
-    #[schemars(inner(inner(range(min = -20.0, max = 20.0))))]
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub origin_m: Option<[f64; 3]>,
     /// With `file`: where the report's x, y and z axes point in the structural frame; absent: ["x", "y", "z"]. Right-handed.
     pub axes: Option<[Axis; 3]>,
@@ -348,6 +348,15 @@ impl GasSupply {
         match self {
             Self::Distributed(nitrogen) => nitrogen,
             Self::Balanced(view) => &view.nitrogen,
+        }
+    }
+
+    /// Mass share of vapour in the gas above the liquid.
+    #[inline]
+    pub fn vapor_share(&self) -> f64 {
+        match self {
+            Self::Distributed(_) => 0.0,
+            Self::Balanced(view) => view.vapor_share(),
         }
     }
 

@@ -37,7 +37,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    FeedInput, FeedMap, Flame, GasState, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
+    FeedGrid, FeedInput, Flame, GasState, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    Stages, Triangle,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -77,13 +78,15 @@ pub struct Plant {
 struct Settled {
     inputs: Inputs,
     rate: Rate,
+    /// Where the solver looked first.
+    guess: (Guess, [[f64; 2]; 2]),
 }
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. The play is
 /// not here: it is taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
 /// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
-/// fresh one.
+/// fresh one from the same guess, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Inputs {
     nitrous_kg: f64,
@@ -98,7 +101,7 @@ struct Inputs {
     burning_share: f64,
     nitrous_depleted: bool,
     head_pa: f64,
-    feed_built_for: (f64, f64),
+    feed_triangle: Triangle,
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
     isolation: f64,
@@ -150,12 +153,13 @@ struct Held {
     vent: f64,
     grip: Grip,
     anchors: Anchors,
-    feed: FeedMap,
+    feed: FeedGrid,
     /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
-    /// liquid at the valve (Pa).
+    /// liquid at the valve (Pa), then and its growth in a step.
     feed_start: FeedInput,
     feed_stages: Stages,
     head_pa: f64,
+    head_trend_pa: f64,
     /// Where the engine's solver looks first, and the first and second differences per step of its two
     /// pressures (Pa), injector inlet and chamber.
     guess: Guess,
@@ -292,18 +296,26 @@ impl Plant {
     }
 
     /// Rate at the beginning of a step.
-    fn first_rate(&self) -> Rate {
+    fn first_rate(&mut self) -> Rate {
         let settled = self.settled.as_ref();
         match settled.filter(|at| at.inputs == self.inputs(&self.state)) {
-            Some(settled) => {
-                debug_assert!(
-                    near(&settled.rate, &self.evaluate(&self.state, 0.0).rate),
-                    "Inputs lacks something that evaluate reads"
-                );
-                settled.rate
+            Some(&Settled { rate, guess, .. }) => {
+                debug_assert!(self.repeats(&rate, guess), "Inputs lacks something that evaluate reads");
+                rate
             }
             None => self.rate(&self.state, 0.0),
         }
+    }
+
+    /// Whether an evaluation from a guess gives the same rate again.
+    fn repeats(&mut self, rate: &Rate, guess: (Guess, [[f64; 2]; 2])) -> bool {
+        let now = (self.held.guess, self.held.trend_pa);
+        (self.held.guess, self.held.trend_pa) = guess;
+        let fresh = self.rate(&self.state, 0.0);
+        (self.held.guess, self.held.trend_pa) = now;
+        let [a, b] = [rate, &fresh].map(|rate| State::EMPTY.advanced(rate, 1.0));
+        // Written so that what is not a number is the same as everything.
+        !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 0.0)
     }
 
     /// What [`Plant::evaluate`] reads and what may change between steps.
@@ -323,7 +335,7 @@ impl Plant {
             burning_share: self.burning_share(state),
             nitrous_depleted: held.nitrous_depleted,
             head_pa: held.head_pa,
-            feed_built_for: held.feed.built_for(),
+            feed_triangle: held.feed.triangle(),
             valve_command_rad: held.valve_command_rad,
             gimbal_command_rad: held.gimbal_command_rad,
             isolation: held.isolation,
@@ -412,13 +424,6 @@ impl Plant {
 /// Where friction holds a servo (rad); without friction its memory follows the angle and means nothing.
 fn stuck_at(servo: &Servo, memory: &ServoMemory) -> f64 {
     if servo.friction_rad > 0.0 { memory.anchor_rad } else { 0.0 }
-}
-
-/// Equal within what the solver's tolerance and rounding may differ.
-fn near(a: &Rate, b: &Rate) -> bool {
-    let [a, b] = [a, b].map(|rate| State::EMPTY.advanced(rate, 1.0));
-    // Written so that what is not a number is near everything.
-    !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 1e-6 * (1.0 + b.abs()))
 }
 
 fn motion(state: &State) -> Motion {
