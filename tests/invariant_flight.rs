@@ -200,11 +200,12 @@ fn play_of_the_gimbal_leaves_momentum_alone() {
             println!(
                 "{model} backlash {backlash}: {linear:.1e} N s, {angular:.1e} N m s; body up to {fastest:.2e}, in the end {end:.1e} rad/s"
             );
-            assert!(taken_up > 50 && fastest > 1e-2, "it moves");
-            // RK4 at 1 ms over kinks of the servo's limits; the engine's own is up to 2 N m s.
-            assert!(linear < 1e-7 && angular < 1e-7, "{model} {backlash}: {linear:e} {angular:e}");
+            assert!(taken_up > 10 && fastest > 1e-2, "it moves");
+            // RK4 at 1 ms over the kinks of the servo's limits leaves 3e-6 without any play; the engine's own is up to
+            // 2 N m s.
+            assert!(linear < 1e-5 && angular < 1e-5, "{model} {backlash}: {linear:e} {angular:e}");
             if model == "\"frozen\"" {
-                assert!(end < 1e-7, "{end:e}");
+                assert!(end < 1e-5, "{end:e}");
             }
         }
     }
@@ -232,8 +233,9 @@ fn play_leaves_the_side_force_alone() {
     for backlash in ["0.0", "0.002", "0.005", "0.02"] {
         let ((with, most), (without, _)) = (flown(backlash, "true"), flown(backlash, "false"));
         println!("backlash {backlash}: {with:.6} rad/s, {without:.6} without inertia, up to {most:.3}");
-        // What is left is the engine's weight under thrust: its centre moves aside by its share of the mass.
-        assert!((with - without).abs() < 0.01 * most, "{with} {without}");
+        // The engine's centre moves aside with it: m_e l/(m z) = 2.79 kg m/(73 kg 0.40 m), a tenth of thrust's moment. A
+        // blow left out would be 0.036 to 0.09 rad/s.
+        assert!((with - without).abs() < 0.12 * without.abs(), "{with} {without}, up to {most}");
     }
 }
 
