@@ -351,6 +351,15 @@ impl GasSupply {
         }
     }
 
+    /// Mass share of vapour in the gas above the liquid.
+    #[inline]
+    pub fn vapor_share(&self) -> f64 {
+        match self {
+            Self::Distributed(_) => 0.0,
+            Self::Balanced(view) => view.vapor_share(),
+        }
+    }
+
     /// Shares of what thrusters and vent want (kg/s) that are there, where each takes `drain_s` at least to
     /// empty its store; 1 or above, or no number, where there is plenty.
     #[inline]

@@ -319,6 +319,33 @@ fn another_step_is_refused_where_sensors_measure() {
     }
 }
 
+/// Whatever has no effect in paper mode is refused where the scenario asks for it, not passed over.
+#[test]
+fn paper_mode_refuses_a_step_and_an_integrator_of_the_full_model() {
+    for (key, value) in [("physics.step_s", "0.005"), ("physics.integrator", "\"euler\"")] {
+        let given = |fidelity| files::try_scenario("open_loop_a", &[("fidelity", fidelity), (key, value)]);
+        assert!(given("\"full\"").is_ok());
+        let refusal = given("\"paper\"").unwrap_err().to_string();
+        assert!(refusal.contains(key) && refusal.contains("paper_mode.step_s"), "{refusal}");
+    }
+}
+
+/// Polynomials need a range that rises and lies in the map.
+#[test]
+fn a_range_that_nothing_can_be_fitted_to_is_refused() {
+    let given =
+        |range| files::try_scenario("open_loop_a", &[("vehicle.paper_mode.polynomial_of_range", range)]);
+    for range in ["[12.0, 1.0]", "[1.0, 1.01]", "[20.0, 40.0]"] {
+        let refusal = given(range).unwrap_err().to_string();
+        assert!(
+            refusal.contains("paper_mode.polynomial_of_range") && refusal.contains("0.5 to 15"),
+            "{refusal}"
+        );
+    }
+    // Beyond one end of the map, the map's end serves.
+    assert!(given("[2.0, 40.0]").is_ok());
+}
+
 #[test]
 fn an_autopilot_told_nothing_believes_the_mass_it_was_loaded_with() {
     for (knowledge, falls) in [("\"live\"", true), ("\"liftoff\"", false)] {
