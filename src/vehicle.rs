@@ -254,6 +254,9 @@ impl VehicleFile {
             }
         };
         self.refuse_gas_in_a_feed_that_stores(&mut note);
+        let (tank, regulator) = (&self.feed.tank, &self.pressurant.regulator);
+        note(regulator.validate(), "pressurant.regulator");
+        note(tank.ullage.validate(tank.pressure_pa, tank.temperature_k, regulator), "feed.tank.ullage");
         note(self.rcs.validate(), "rcs");
         note(self.sensors.validate(), "sensors");
         note(self.controls.validate(), "controls");

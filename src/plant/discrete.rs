@@ -3,7 +3,8 @@
 use super::{Evaluation, Plant, PlantEvent, Settled, State, motion};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
-use crate::propulsion::FlameConditions;
+use crate::fluid::Nitrous;
+use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
 
 /// The feed's tables are rebuilt when the tank pressure has moved by so much (Pa): 1e-3 of flow. A rebuild costs
@@ -88,12 +89,7 @@ impl Plant {
             self.held.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
-        if now.pressurant.regulated {
-            self.held.bottle_low = false;
-        } else if !self.held.bottle_low {
-            self.held.bottle_low = true;
-            self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
-        }
+        self.watch_the_tank(&now.pressurant);
         let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
         let (tank_pa, tank_k) = (now.pressurant.tank_pa, now.pressurant.liquid_k);
         let (built_pa, built_k) = self.held.feed.built_for();
@@ -110,6 +106,30 @@ impl Plant {
             self.held.anchors =
                 gear.anchors_after(&self.pads_body_m, &motion, 0.0, &self.held.anchors, self.held.grip);
         }
+    }
+
+    /// Notes a bottle that no longer feeds the regulator, and a tank above what the regulator keeps.
+    fn watch_the_tank(&mut self, now: &NitrogenState) {
+        let high = now.tank_pa > self.vehicle.pressurant.regulator.greatest_pa();
+        let low = !now.regulated && !high;
+        if low && !self.held.bottle_low {
+            let mut detail = format!("bottle {:.1} bar", now.bottle_pa * 1e-5);
+            if self.vehicle.tank.ullage.model == UllageModel::ConstantTemperature {
+                let vapor_pa = Nitrous::tables().vapor_pressure_pa(now.liquid_k);
+                detail += &format!(
+                    "; a tank below the vapour pressure, {:.1} bar, would boil: see [feed.tank.ullage] energy_balance",
+                    vapor_pa * 1e-5
+                );
+            }
+            self.note("bottle_low", detail);
+        }
+        if high && !self.held.tank_high {
+            self.note(
+                "tank_high",
+                format!("tank {:.1} bar, above its regulator; no relief valve", now.tank_pa * 1e-5),
+            );
+        }
+        (self.held.bottle_low, self.held.tank_high) = (low, high);
     }
 
     /// Lights or goes out; notices when fuel begins to limit the flame.
