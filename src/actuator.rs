@@ -152,6 +152,7 @@ impl Servo {
     }
 
     /// Rate under a command (rad), already delayed; a command that is no number holds the angle.
+    #[inline]
     pub fn rate(&self, state: &ServoState, command_rad: f64, memory: &ServoMemory) -> ServoRate {
         let (angle, rate) = (state.angle_rad, state.rate_rad_s);
         let command = if command_rad.is_nan() { angle } else { command_rad };
@@ -178,6 +179,7 @@ impl Servo {
     }
 
     /// What moves behind the play, given where it was left.
+    #[inline]
     pub fn output(&self, state: &ServoState, rate: &ServoRate, memory: &ServoMemory) -> ServoOutput {
         let held_rad = memory.held_rad;
         let half = 0.5 * self.backlash_rad;
@@ -193,6 +195,7 @@ impl Servo {
     }
 
     /// Where play and friction leave the servo after a step.
+    #[inline]
     pub fn memory_after(&self, angle_rad: f64, memory: &ServoMemory) -> ServoMemory {
         let root = self.stick_over_loop();
         let within = |held_rad: f64, half: f64| held_rad.min(angle_rad + half).max(angle_rad - half);

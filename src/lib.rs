@@ -35,6 +35,22 @@
 //!   RK4, 1 ms ─► State ─► sensors ─► Measurement
 //! ```
 //!
+//! # Models
+//!
+//! The reference vehicle flies the simplest model that is right for it; a vehicle file may choose more.
+//!
+//! | part | always | by choice |
+//! |---|---|---|
+//! | feed | flashing flow through valve and injector ([`propulsion::FeedMap`]) | manifold that stores, line with inertia, choked single phase, an outlet that uncovers |
+//! | chamber | c* of mixture and pressure, separated and unchoked nozzle | gas as a state, fuel that lags |
+//! | pressurant | real gas at constant temperature | bottle and ullage with energy, vapour, wall heat; regulator with droop and lock-up |
+//! | liquid | first mode, two-way | second mode, rotary coupling, baffle; the paper's one-way form; frozen |
+//! | servos, legs | second order, limits, delay; anchors that slip | play, friction; static above sliding friction |
+//! | air | mean, gusts | profile, Dryden turbulence |
+//!
+//! A scenario may fly the seed paper's whole scheme instead (`fidelity = "paper"`), hold a coupling still (`physics.freeze`) or disturb
+//! the engine (`[[disturbance]]`). What each is worth: `docs/findings.md`; what proves it: `tests/README.md`.
+//!
 //! # Frames
 //!
 //! ```text
@@ -60,7 +76,7 @@
 //! # Invariants
 //!
 //! * Mass on board plus mass gone is constant to 1e-9, mostly to round-off; fuel never grows; nitrogen leaves by thrusters and
-//!   vent only.
+//!   vent only, and by the nozzle once an outlet that uncovers draws gas.
 //! * Without flow the thrust is exactly zero; it is never negative.
 //! * The rate of the state is pure ([`plant::Plant::evaluate`]); commands, ignition, contact, sampling and noise happen
 //!   between steps.

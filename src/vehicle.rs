@@ -15,7 +15,7 @@ use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel,
 use crate::dynamics::mass_report::{MassReport, MassReportError};
 use crate::dynamics::slosh::{HardeningLaw, Slosh, SloshModel};
 use crate::environment::Site;
-use crate::fluid::{Isotherm, Nitrogen, Nitrous};
+use crate::fluid::{Nitrogen, Nitrous};
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
@@ -72,14 +72,14 @@ pub struct DryPart {
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub mass_kg: Option<f64>,
     /// Centre of mass from the gimbal pivot (m), structural axes.
-    #[schemars(inner(inner(range(min = -20.0, max = 20.0))))]
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: Option<[f64; 3]>,
     /// Inertia about the part's own centre of mass (kg m²), structural axes, tensor convention, symmetric.
     pub inertia_kg_m2: Option<[[f64; 3]; 3]>,
     /// Report "Mass Properties" of SolidWorks, beside the vehicle file, instead of the three keys above; its products of inertia are read with the sign that the report names.
     pub file: Option<String>,
     /// With `file`: the report's origin from the gimbal pivot (m), structural axes; absent: they coincide.
-    #[schemars(inner(inner(range(min = -20.0, max = 20.0))))]
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub origin_m: Option<[f64; 3]>,
     /// With `file`: where the report's x, y and z axes point in the structural frame; absent: ["x", "y", "z"]. Right-handed.
     pub axes: Option<[Axis; 3]>,
@@ -494,11 +494,7 @@ impl Vehicle {
             },
             file.slosh.roll_inertia_factor,
         );
-        let pressurant_gas = PressurantGas {
-            bottle: Isotherm::new(bottle.temperature_k),
-            ullage: Isotherm::new(tank.temperature_k),
-            ullage_k: tank.temperature_k,
-        };
+        let pressurant_gas = PressurantGas::new(&file.pressurant, tank.temperature_k);
         let valve = &file.feed.valve;
         Ok(Self {
             name: file.vehicle.name.clone(),

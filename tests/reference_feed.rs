@@ -8,7 +8,6 @@ mod bare_engine;
 
 use std::collections::BTreeMap;
 
-use hopbench::fluid::Isotherm;
 use hopbench::propulsion::{FeedMap, NitrogenInventory, PressurantGas};
 
 const FEED: &str = include_str!("reference/feed_points.csv");
@@ -120,7 +119,7 @@ fn nitrogen_in_bottle_and_tank() {
     assert_eq!(rows.len(), 40);
     assert!(rows.iter().any(|r| r["regulated"] == 1.0) && rows.iter().any(|r| r["regulated"] == 0.0));
     let pressurant = bare_engine::vehicle().pressurant;
-    let gas = PressurantGas { bottle: Isotherm::new(290.0), ullage: Isotherm::new(290.0), ullage_k: 290.0 };
+    let gas = PressurantGas::new(&pressurant, 290.0);
     let mut worst = Worst::default();
     for row in &rows {
         let place = || format!("{} kg in all, {} m3", row["total_kg"], row["ullage_m3"]);

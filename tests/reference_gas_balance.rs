@@ -5,7 +5,7 @@
 mod bare_engine;
 
 use bare_engine::vehicle;
-use hopbench::fluid::{Isotherm, RealGas};
+use hopbench::fluid::RealGas;
 use hopbench::integrator::{Integrable, rk4_step};
 use hopbench::propulsion::{
     BottleModel, GasBalance, GasState, NitrogenInventory, Pressurant, PressurantGas, Stores, StoresRate,
@@ -334,7 +334,7 @@ fn a_shut_tank_locks_up() {
 #[test]
 fn a_tank_blows_down_with_its_bottle() {
     let (pressurant, balance, at) = isothermal(|p| p.bottle.pressure_pa = 110e5);
-    let gas = PressurantGas { bottle: Isotherm::new(290.0), ullage: Isotherm::new(290.0), ullage_k: 290.0 };
+    let gas = PressurantGas::new(&pressurant, 290.0);
     let out = Withdrawal { liquid_kg_s: 0.4, ..Withdrawal::default() };
     let tank_m3 = parts().1.volume_m3();
     let (mut lost, mut worst, mut lowest) = (0, 0.0f64, f64::INFINITY);

@@ -59,8 +59,9 @@ impl Parameters {
     pub fn validate(&self) -> Result<(), Invalid> {
         if !self.thrust_map.is_consistent() {
             return Err(Invalid::new(
-                "thrust_map",
-                "rows and columns must match, and thrust, radius and angle rise",
+                "vehicle.thrust_command_max_n",
+                "from half of thrust_command_min_n up to this there is no thrust that the engine gives at every \
+                 radius of its ports, with a valve angle that rises with it",
             ));
         }
         let (low, high) = (self.actuators.thrust_min_n, self.actuators.thrust_max_n);

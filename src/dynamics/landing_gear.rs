@@ -178,6 +178,7 @@ impl LandingGear {
 
     /// Ground forces. `ground_down_m` is the ground's NED z, 0 at the pad surface. Pure: the anchors stay
     /// as they are during a step.
+    #[inline]
     pub fn contact(
         &self,
         pads_body_m: &[Vec3; MAX_LEGS],
@@ -186,10 +187,22 @@ impl LandingGear {
         anchors: &Anchors,
         grip: Grip,
     ) -> Contact {
-        let mut contact = Contact::NONE;
         if self.clear_of_ground(motion, ground_down_m) && (grip == Grip::Free || anchors.count() == 0) {
-            return contact;
+            return Contact::NONE;
         }
+        self.near_contact(pads_body_m, motion, ground_down_m, anchors, grip)
+    }
+
+    #[inline(never)]
+    fn near_contact(
+        &self,
+        pads_body_m: &[Vec3; MAX_LEGS],
+        motion: &Motion,
+        ground_down_m: f64,
+        anchors: &Anchors,
+        grip: Grip,
+    ) -> Contact {
+        let mut contact = Contact::NONE;
         let body_from_ned = motion.ned_from_body.transpose();
         for (leg, &pad) in pads_body_m.iter().enumerate().take(self.legs()) {
             let place = motion.point_ned_m(pad);
@@ -336,7 +349,8 @@ impl LandingGear {
     }
 
     /// Whether no pad can reach the ground at any attitude: the quick way out in flight.
-    fn clear_of_ground(&self, motion: &Motion, ground_down_m: f64) -> bool {
+    #[inline]
+    pub(crate) fn clear_of_ground(&self, motion: &Motion, ground_down_m: f64) -> bool {
         let height_m = ground_down_m - motion.position_ned_m.z;
         height_m > self.pad_radius_m + self.pad_z_m.abs()
     }

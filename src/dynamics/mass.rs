@@ -116,13 +116,10 @@ impl GrainGeometry {
         self.fuel_density_kg_m3 * self.length_m * area_m2.max(0.0)
     }
 
-    /// The grain at a port radius (m) that grows at a rate (m/s).
-    fn solid(&self, r: f64, r_dot: f64) -> Axial {
+    /// What of the grain does not change in flight.
+    fn sums(&self) -> GrainSums {
         let n = f64::from(self.port_count);
-        let (ro2, r2) = (self.outer_radius_m * self.outer_radius_m, r * r);
-        if ro2 <= n * r2 {
-            return Axial::default();
-        }
+        let ro2 = self.outer_radius_m * self.outer_radius_m;
         let column = self.fuel_density_kg_m3 * self.length_m * PI; // [kg/m²]
         let b2 = self.port_circle_radius_m * self.port_circle_radius_m;
         // Sums of the squared port-axis coordinates, for the parallel-axis share of each port.
@@ -133,24 +130,57 @@ impl GrainGeometry {
         };
         let z = -(self.top_z_m - 0.5 * self.length_m);
         let shape = self.length_m * self.length_m / 12.0 + z * z; // [m²]
-        let mass = column * (ro2 - n * r2);
-        let mass_dot = -2.0 * column * n * r * r_dot;
+        let disc = 0.25 * ro2 * ro2;
+        GrainSums {
+            port_count: n,
+            outer_radius_2: ro2,
+            column,
+            z,
+            disc: column * Vec3::new(disc + ro2 * shape, disc + ro2 * shape, 2.0 * disc),
+            ports: column * Vec3::new(sum_y2 + n * shape, sum_x2 + n * shape, sum_x2 + sum_y2),
+        }
+    }
+}
+
+/// Constants of a grain: with q the square of the port radius, `mass = column (Ro² - N q)` and inertia
+/// `disc - q (ports + column N q (1/4, 1/4, 1/2))` about the axes of O.
+#[derive(Clone, Copy, Debug)]
+struct GrainSums {
+    port_count: f64,
+    outer_radius_2: f64,
+    /// Fuel per cross-section (kg/m²).
+    column: f64,
+    z: f64,
+    /// Inertia of the grain without ports.
+    disc: Vec3,
+    /// Of that, what ports of no size would take per square of their radius.
+    ports: Vec3,
+}
+
+impl GrainSums {
+    /// The grain at a port radius (m) that grows at a rate (m/s).
+    #[inline]
+    fn solid(&self, r: f64, r_dot: f64) -> Axial {
+        let (q, q_dot) = (r * r, 2.0 * r * r_dot);
+        let (nq, nq_dot) = (self.port_count * q, self.port_count * q_dot);
+        if self.outer_radius_2 <= nq {
+            return Axial::default();
+        }
         // Second moments of area of disc less ports: π (Ro⁴ - N R⁴)/4 about a diameter, twice that about
         // the axis; a port off the axis takes π R² d² more.
-        let disc = 0.25 * column * (ro2 * ro2 - n * r2 * r2);
-        let disc_dot = -column * n * r2 * r * r_dot;
-        let (port, port_dot) = (column * r2, 2.0 * column * r * r_dot);
+        let (mass, mass_dot) = (self.column * (self.outer_radius_2 - nq), -self.column * nq_dot);
+        let port = self.column * nq;
         Axial {
             mass,
             mass_dot,
-            moment: mass * z,
-            moment_dot: mass_dot * z,
-            xx: disc - port * sum_y2 + mass * shape,
-            xx_dot: disc_dot - port_dot * sum_y2 + mass_dot * shape,
-            yy: disc - port * sum_x2 + mass * shape,
-            yy_dot: disc_dot - port_dot * sum_x2 + mass_dot * shape,
-            zz: 2.0 * disc - port * (sum_x2 + sum_y2),
-            zz_dot: 2.0 * disc_dot - port_dot * (sum_x2 + sum_y2),
+            moment: mass * self.z,
+            moment_dot: mass_dot * self.z,
+            xx: self.disc.x - q * (self.ports.x + 0.25 * port),
+            xx_dot: -q_dot * (self.ports.x + 0.5 * port),
+            yy: self.disc.y - q * (self.ports.y + 0.25 * port),
+            yy_dot: -q_dot * (self.ports.y + 0.5 * port),
+            zz: self.disc.z - q * (self.ports.z + 0.5 * port),
+            zz_dot: -q_dot * (self.ports.z + port),
         }
     }
 }
@@ -227,6 +257,7 @@ impl MassProperties {
         self.inertia_kg_m2 += other.inertia_kg_m2;
     }
 
+    #[inline]
     fn add_axial(&mut self, part: &Axial) {
         self.mass_kg += part.mass;
         self.first_moment_kg_m.z += part.moment;
@@ -273,6 +304,7 @@ impl FlowTerms {
     }
 
     /// From the rates in the body and what leaves it: nozzle exit, thrusters, vent.
+    #[inline]
     pub fn new(rate: &MassRate, outflows: &[Outflow]) -> Self {
         let mut terms = Self {
             momentum_body_kg_m_s: Vec3::new(0.0, 0.0, rate.first_moment_z_kg_m_s),
@@ -285,9 +317,18 @@ impl FlowTerms {
     /// One outflow more.
     #[inline]
     pub fn add(&mut self, outflow: &Outflow) {
-        if outflow.mass_flow_kg_s != 0.0 {
-            self.momentum_body_kg_m_s += outflow.position_body_m * outflow.mass_flow_kg_s;
-            self.jet_damping_kg_m2_s += point_inertia(outflow.position_body_m) * outflow.mass_flow_kg_s;
+        let (r, flow) = (outflow.position_body_m, outflow.mass_flow_kg_s);
+        if flow == 0.0 {
+            return;
+        }
+        self.momentum_body_kg_m_s += r * flow;
+        if r.x == 0.0 && r.y == 0.0 {
+            // The nozzle: nothing but its lever about the lateral axes.
+            let lever = r.z * r.z * flow;
+            self.jet_damping_kg_m2_s[(0, 0)] += lever;
+            self.jet_damping_kg_m2_s[(1, 1)] += lever;
+        } else {
+            self.jet_damping_kg_m2_s += point_inertia(r) * flow;
         }
     }
 }
@@ -311,6 +352,8 @@ pub struct MassModel {
     tank: TankGeometry,
     bottle: BottleGeometry,
     grain: GrainGeometry,
+    grain_sums: GrainSums,
+    bottle_length_m: f64,
     roll_inertia_factor: f64,
 }
 
@@ -332,7 +375,16 @@ impl MassModel {
                 dry_swinging.add(&component.properties());
             }
         }
-        Self { dry, dry_swinging, tank, bottle, grain, roll_inertia_factor }
+        Self {
+            dry,
+            dry_swinging,
+            tank,
+            bottle,
+            grain,
+            grain_sums: grain.sums(),
+            bottle_length_m: bottle.volume_m3 / (PI * bottle.radius_m * bottle.radius_m),
+            roll_inertia_factor,
+        }
     }
 
     /// The vehicle without contents.
@@ -351,52 +403,59 @@ impl MassModel {
     }
 
     /// Mass properties and their rates. Pure: the integrator calls it once per stage.
+    #[inline(always)] // so that nothing is written that a stage does not read
     pub fn evaluate(&self, contents: &Contents, rate: &ContentsRate) -> MassState {
-        let tank = &self.tank;
         let (height, height_dot) = self.liquid_height(contents, rate);
-        let liquid = Cylinder {
-            mass: contents.nitrous_kg,
-            mass_dot: rate.nitrous_kg_s,
-            radius: tank.radius_m,
-            length: height,
-            length_dot: height_dot,
-            z: -(tank.floor_z_m + 0.5 * height),
-            z_dot: -0.5 * height_dot,
-            roll_factor: self.roll_inertia_factor,
-        };
-        let ullage = Cylinder {
-            mass: contents.nitrogen_run_tank_kg,
-            mass_dot: rate.nitrogen_run_tank_kg_s,
-            radius: tank.radius_m,
-            length: tank.length_m - height,
-            length_dot: -height_dot,
-            z: -(tank.floor_z_m + 0.5 * (tank.length_m + height)),
-            z_dot: -0.5 * height_dot,
-            roll_factor: 1.0,
-        };
-        let bottle = Cylinder {
-            mass: contents.nitrogen_bottle_kg,
-            mass_dot: rate.nitrogen_bottle_kg_s,
-            radius: self.bottle.radius_m,
-            length: self.bottle.volume_m3 / (PI * self.bottle.radius_m * self.bottle.radius_m),
-            length_dot: 0.0,
-            z: -self.bottle.centre_z_m,
-            z_dot: 0.0,
-            roll_factor: 1.0,
-        };
-        let grain = self.grain.solid(contents.port_radius_m, rate.port_radius_m_s);
+        // Liquid and gas above it: columns from z1 to z2 above O, of which the surface moves.
+        let (floor, top) = (self.tank.floor_z_m, self.tank.floor_z_m + self.tank.length_m);
+        let surface = floor + height;
+        let r2 = self.tank.radius_m * self.tank.radius_m;
+        let (liquid, liquid_dot) = (contents.nitrous_kg, rate.nitrous_kg_s);
+        let (gas, gas_dot) = (contents.nitrogen_run_tank_kg, rate.nitrogen_run_tank_kg_s);
+        let (bottle, bottle_dot) = (contents.nitrogen_bottle_kg, rate.nitrogen_bottle_kg_s);
+        // Mean height, and mean square of the height: (z1² + z1 z2 + z2²)/3.
+        let (liquid_z, gas_z) = (0.5 * (floor + surface), 0.5 * (surface + top));
+        let (bottle_z, bottle_radius) = (self.bottle.centre_z_m, self.bottle.radius_m);
+        let bottle_r2 = bottle_radius * bottle_radius;
+        let liquid_z2 = (floor * (floor + surface) + surface * surface) * (1.0 / 3.0);
+        let gas_z2 = (top * (top + surface) + surface * surface) * (1.0 / 3.0);
+        let bottle_length = self.bottle_length_m;
+        let bottle_z2 = bottle_length * bottle_length * (1.0 / 12.0) + bottle_z * bottle_z;
+        // About a lateral axis r²/4 + the mean square of the height per unit of mass.
+        let (liquid_xx, gas_xx) = (0.25 * r2 + liquid_z2, 0.25 * r2 + gas_z2);
+        let bottle_xx = 0.25 * bottle_r2 + bottle_z2;
+        let moved = height_dot * (1.0 / 3.0);
+        let xx = liquid * liquid_xx + gas * gas_xx + bottle * bottle_xx;
+        let xx_dot = liquid_dot * liquid_xx
+            + gas_dot * gas_xx
+            + bottle_dot * bottle_xx
+            + moved * (liquid * (floor + 2.0 * surface) + gas * (top + 2.0 * surface));
+        let roll = 0.5 * self.roll_inertia_factor * r2;
+        let grain = self.grain_sums.solid(contents.port_radius_m, rate.port_radius_m_s);
 
         let mut swinging = self.dry_swinging;
         swinging.add_axial(&grain);
         let mut vehicle = self.dry;
-        let mut total = MassRate::default();
-        for part in [liquid.solid(), ullage.solid(), bottle.solid(), grain] {
-            vehicle.add_axial(&part);
-            total.mass_kg_s += part.mass_dot;
-            total.first_moment_z_kg_m_s += part.moment_dot;
-            total.inertia_diagonal_kg_m2_s += Vec3::new(part.xx_dot, part.yy_dot, part.zz_dot);
-        }
-        MassState { vehicle, swinging, rate: total }
+        vehicle.add_axial(&grain);
+        vehicle.mass_kg += liquid + gas + bottle;
+        vehicle.first_moment_kg_m.z -= liquid * liquid_z + gas * gas_z + bottle * bottle_z;
+        vehicle.inertia_kg_m2[(0, 0)] += xx;
+        vehicle.inertia_kg_m2[(1, 1)] += xx;
+        vehicle.inertia_kg_m2[(2, 2)] += liquid * roll + 0.5 * (gas * r2 + bottle * bottle_r2);
+        let rate = MassRate {
+            mass_kg_s: grain.mass_dot + liquid_dot + gas_dot + bottle_dot,
+            first_moment_z_kg_m_s: grain.moment_dot
+                - (liquid_dot * liquid_z
+                    + gas_dot * gas_z
+                    + bottle_dot * bottle_z
+                    + 0.5 * height_dot * (liquid + gas)),
+            inertia_diagonal_kg_m2_s: Vec3::new(
+                grain.xx_dot + xx_dot,
+                grain.yy_dot + xx_dot,
+                grain.zz_dot + liquid_dot * roll + 0.5 * (gas_dot * r2 + bottle_dot * bottle_r2),
+            ),
+        };
+        MassState { vehicle, swinging, rate }
     }
 
     /// Height of the liquid column (m) and its rate (m/s); it stays inside the tank.
@@ -432,39 +491,4 @@ struct Axial {
     yy_dot: f64,
     zz: f64,
     zz_dot: f64,
-}
-
-/// A uniform cylinder of fixed radius on the long axis whose mass, length and place may change.
-struct Cylinder {
-    mass: f64,
-    mass_dot: f64,
-    radius: f64,
-    length: f64,
-    length_dot: f64,
-    z: f64,
-    z_dot: f64,
-    roll_factor: f64,
-}
-
-impl Cylinder {
-    fn solid(&self) -> Axial {
-        let r2 = self.radius * self.radius;
-        let transverse = (3.0 * r2 + self.length * self.length) / 12.0 + self.z * self.z; // [m²]
-        let transverse_dot = self.length * self.length_dot / 6.0 + 2.0 * self.z * self.z_dot;
-        let xx = self.mass * transverse;
-        let xx_dot = self.mass_dot * transverse + self.mass * transverse_dot;
-        let zz_per_kg = 0.5 * self.roll_factor * r2;
-        Axial {
-            mass: self.mass,
-            mass_dot: self.mass_dot,
-            moment: self.mass * self.z,
-            moment_dot: self.mass_dot * self.z + self.mass * self.z_dot,
-            xx,
-            xx_dot,
-            yy: xx,
-            yy_dot: xx_dot,
-            zz: self.mass * zz_per_kg,
-            zz_dot: self.mass_dot * zz_per_kg,
-        }
-    }
 }

@@ -138,6 +138,7 @@ pub fn thrust_direction_body(gimbal_rad: Vector2<f64>) -> Vec3 {
 }
 
 /// Accelerations of the free vehicle. Pure: the integrator calls it once per stage.
+#[inline]
 pub fn accelerations(balance: &Balance) -> Acceleration {
     match balance.slosh[0] {
         Some((mode, state)) if mode.coupling == Coupling::OneWay => one_way(balance, mode, state),
@@ -213,35 +214,46 @@ struct Engine {
 
 impl Terms {
     fn new(balance: &Balance) -> Self {
-        let mut body = *balance.vehicle;
-        let mut load = balance.load;
-        let mut engine = None;
-        if let Some(swing) = &balance.swing {
-            let w = balance.rate_body_rad_s;
-            let (deflected, relative_acceleration) = deflect(swing);
-            let (rate, s_e, i_e) = (deflected.rate, deflected.first_moment, deflected.inertia);
-            body.first_moment_kg_m += s_e - swing.part.first_moment_kg_m;
-            body.inertia_kg_m2 += i_e - swing.part.inertia_kg_m2;
-            let velocity_moment = rate.cross(&s_e);
-            load.force_body_n -= relative_acceleration.cross(&s_e)
-                + rate.cross(&velocity_moment)
-                + w.cross(&velocity_moment) * 2.0;
-            let relative_momentum = times(&i_e, rate);
-            // (W~ I - I W~) w = W×(I w) - I (W×w)
-            load.moment_body_n_m -= times(&i_e, relative_acceleration - rate.cross(&w))
-                + (rate + w).cross(&relative_momentum)
-                + rate.cross(&times(&i_e, w));
-            engine = Some(deflected);
-        }
+        let mut terms = Self::rigid(balance);
         for (mode, state) in two_way(balance) {
             // A point mass taken from (0, 0, z) and put at (x, y, z).
             let (m_s, r) = (mode.mass_kg, slosh_place(mode, state));
             let (x, y) = (m_s * r.x, m_s * r.y);
-            body.first_moment_kg_m += Vec3::new(x, y, 0.0);
+            terms.body.first_moment_kg_m += Vec3::new(x, y, 0.0);
             let (xx, yy, xy, xz, yz) = (y * r.y, x * r.x, -x * r.y, -x * r.z, -y * r.z);
-            body.inertia_kg_m2 += Mat3::new(xx, xy, xz, xy, yy, yz, xz, yz, xx + yy);
+            terms.body.inertia_kg_m2 += Mat3::new(xx, xy, xz, xy, yy, yz, xz, yz, xx + yy);
         }
-        Self { body, load, engine }
+        terms
+    }
+
+    /// With the liquid at rest.
+    #[inline]
+    fn rigid(balance: &Balance) -> Self {
+        let terms = Self { body: *balance.vehicle, load: balance.load, engine: None };
+        match &balance.swing {
+            None => terms,
+            Some(swing) => terms.swung(swing, balance.rate_body_rad_s),
+        }
+    }
+
+    /// With the engine deflected.
+    #[inline(never)]
+    fn swung(mut self, swing: &Swing, w: Vec3) -> Self {
+        let (deflected, relative_acceleration) = deflect(swing);
+        let (rate, s_e, i_e) = (deflected.rate, deflected.first_moment, deflected.inertia);
+        self.body.first_moment_kg_m += s_e - swing.part.first_moment_kg_m;
+        self.body.inertia_kg_m2 += i_e - swing.part.inertia_kg_m2;
+        let velocity_moment = rate.cross(&s_e);
+        self.load.force_body_n -= relative_acceleration.cross(&s_e)
+            + rate.cross(&velocity_moment)
+            + w.cross(&velocity_moment) * 2.0;
+        let relative_momentum = times(&i_e, rate);
+        // (W~ I - I W~) w = W×(I w) - I (W×w)
+        self.load.moment_body_n_m -= times(&i_e, relative_acceleration - rate.cross(&w))
+            + (rate + w).cross(&relative_momentum)
+            + rate.cross(&times(&i_e, w));
+        self.engine = Some(deflected);
+        self
     }
 }
 
@@ -282,71 +294,102 @@ fn lateral(v: Vector2<f64>) -> Vec3 {
     Vec3::new(v.x, v.y, 0.0)
 }
 
-/// Solves the balance with the liquid frozen or coupled both ways.
+/// Solves the balance with the liquid frozen or coupled both ways. Written out by components: this is the
+/// innermost function of the plant.
+#[inline(always)]
 fn coupled(balance: &Balance) -> Acceleration {
-    let terms = Terms::new(balance);
-    let (m, s, i) = (terms.body.mass_kg, terms.body.first_moment_kg_m, terms.body.inertia_kg_m2);
+    let Terms { body, load, .. } = Terms::rigid(balance);
+    let (m, rest, i) = (body.mass_kg, body.first_moment_kg_m, &body.inertia_kg_m2);
     let w = balance.rate_body_rad_s;
+    let w2 = w.dot(&w);
 
-    let mut force =
-        terms.load.force_body_n - w.cross(&(w.cross(&s) + balance.flow.momentum_body_kg_m_s * 2.0));
-    let mut moment =
-        terms.load.moment_body_n_m - w.cross(&times(&i, w)) - times(&balance.flow.jet_damping_kg_m2_s, w);
-
-    // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment, with C = -S~ by columns.
-    let mut a = Vec3::new(m, m, m);
-    let mut c = [Vec3::new(0.0, -s.z, s.y), Vec3::new(s.z, 0.0, -s.x), Vec3::new(-s.y, s.x, 0.0)];
-    let mut d = i;
-
-    // The slosh rows say r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out
-    // of the lateral inertia and leave m_s `free` as a load.
-    let slosh = balance.slosh.map(|sloshing| {
-        let (mode, state) = sloshing?;
-        let (m_s, r) = (mode.mass_kg, slosh_place(mode, state));
+    // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment, with C = -S~. The slosh rows say
+    // r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out of the lateral inertia and
+    // leave m_s `free` as a load. What is left of D's third row and column and of C's third column is that of
+    // the body with the liquid at rest.
+    let (mut s, mut height) = (rest, rest.z); // first moment, and that of the mass with lateral inertia
+    let mut lateral_kg = m;
+    let (mut d00, mut d10, mut d11) = (i[(0, 0)], i[(1, 0)], i[(1, 1)]);
+    let (mut d20, mut d21, mut d22) = (i[(2, 0)], i[(2, 1)], i[(2, 2)]);
+    let mut momentum = times(i, w); // I w
+    let (mut force, mut moment) = (load.force_body_n, load.moment_body_n_m);
+    let mut slosh_force_body_n = Vector2::zeros();
+    let mut free = [Vector2::zeros(); MODES];
+    for (free, sloshing) in free.iter_mut().zip(&balance.slosh) {
+        let Some((mode, state)) = *sloshing else { continue };
+        let m_s = mode.mass_kg;
+        let (x, y) = (state.displacement_body_m.x, state.displacement_body_m.y);
+        let z = mode.station_z_body_m;
+        let (qx, qy, qz) = (m_s * x, m_s * y, m_s * z);
         let restoring = mode.restoring_m_s2(state);
-        let coriolis = w.cross(&lateral(state.velocity_body_m_s)) * 2.0;
-        let free = restoring - (w.cross(&w.cross(&r)) + coriolis).xy();
-        let load = (coriolis + lateral(free)) * m_s;
-        force -= load;
-        moment -= r.cross(&load);
-        a.x -= m_s;
-        a.y -= m_s;
-        let q = r * m_s;
-        c[0].y += q.z;
-        c[1].x -= q.z;
-        c[2] += Vec3::new(q.y, -q.x, 0.0);
-        let (zz, zx, zy) = (q.z * r.z, q.z * r.x, q.z * r.y);
-        d -= Mat3::new(zz, 0.0, -zx, 0.0, zz, -zy, -zx, -zy, q.x * r.x + q.y * r.y);
-        Some((r, free, restoring * -m_s))
-    });
+        slosh_force_body_n -= restoring * m_s;
+        // w×(w×r) = w (w·r) - r w², and the Coriolis term.
+        let along = w.x * x + w.y * y + w.z * z;
+        let v = state.velocity_body_m_s * 2.0;
+        let relative =
+            Vector2::new(restoring.x - (w.x * along - x * w2), restoring.y - (w.y * along - y * w2));
+        *free = Vector2::new(relative.x + w.z * v.y, relative.y - w.z * v.x);
+        let (fx, fy, fz) = (m_s * relative.x, m_s * relative.y, m_s * (w.x * v.y - w.y * v.x));
+        force -= Vec3::new(fx, fy, fz);
+        moment -= Vec3::new(y * fz - z * fy, z * fx - x * fz, x * fy - y * fx);
+        // Angular momentum of a point mass taken from (0, 0, z) and put at (x, y, z).
+        let turn = y * w.x - x * w.y;
+        let up = z * w.z;
+        momentum.x += qy * turn - qx * up;
+        momentum.y -= qx * turn + qy * up;
+        momentum.z += (qx * x + qy * y) * w.z - z * (qx * w.x + qy * w.y);
+        s.x += qx;
+        s.y += qy;
+        height -= qz;
+        lateral_kg -= m_s;
+        d00 += qy * y - qz * z;
+        d10 -= qx * y;
+        d11 += qx * x - qz * z;
+    }
 
-    if !(a.x > 0.0 && a.z > 0.0) {
+    let along = w.dot(&s);
+    let p = balance.flow.momentum_body_kg_m_s * 2.0;
+    force -= w * along - s * w2 + w.cross(&p);
+    moment -= w.cross(&momentum) + times(&balance.flow.jet_damping_kg_m2_s, w);
+
+    if !(lateral_kg > 0.0 && m > 0.0) {
         return Acceleration::SINGULAR;
     }
-    // A = diag(a)⁻¹ (force - C w'), so (D - Cᵀ diag(a)⁻¹ C) w' = moment - Cᵀ diag(a)⁻¹ force.
-    let lateral_inverse = 1.0 / a.x;
-    let inverse = Vec3::new(lateral_inverse, lateral_inverse, 1.0 / a.z);
-    let scaled = c.map(|column| column.component_mul(&inverse));
-    for row in 0..3 {
-        for column in 0..=row {
-            d[(row, column)] -= c[row].dot(&scaled[column]);
-        }
-    }
-    moment -= Vec3::new(scaled[0].dot(&force), scaled[1].dot(&force), scaled[2].dot(&force));
-    let Some(angular) = solve_positive_definite(&d, &moment) else {
+    // A = diag(a)⁻¹ (force - C w'), so (D - Cᵀ diag(a)⁻¹ C) w' = moment - Cᵀ diag(a)⁻¹ force, with the columns
+    // of C (0, -h, S_y), (h, 0, -S_x), (-R_y, R_x, 0): h the height, R the first moment with the liquid at rest.
+    let (per_lateral, per_mass) = (1.0 / lateral_kg, 1.0 / m);
+    let f = Vec3::new(force.x * per_lateral, force.y * per_lateral, force.z * per_mass);
+    moment.x -= s.y * f.z - height * f.y;
+    moment.y -= height * f.x - s.x * f.z;
+    moment.z -= rest.x * f.y - rest.y * f.x;
+    let lever = height * per_lateral;
+    d00 -= lever * height + per_mass * s.y * s.y;
+    d10 += per_mass * s.x * s.y;
+    d11 -= lever * height + per_mass * s.x * s.x;
+    d20 += lever * rest.x;
+    d21 += lever * rest.y;
+    d22 -= per_lateral * (rest.x * rest.x + rest.y * rest.y);
+    let Some(angular) = solve_positive_definite([d00, d10, d11, d20, d21, d22], moment) else {
         return Acceleration::SINGULAR;
     };
-    let specific_force = force.component_mul(&inverse)
-        - (scaled[0] * angular.x + scaled[1] * angular.y + scaled[2] * angular.z);
+    let specific_force = Vec3::new(
+        f.x - per_lateral * (height * angular.y - rest.y * angular.z),
+        f.y - per_lateral * (rest.x * angular.z - height * angular.x),
+        f.z - per_mass * (s.y * angular.x - s.x * angular.y),
+    );
     if !(specific_force.norm_squared() + angular.norm_squared()).is_finite() {
         return Acceleration::SINGULAR;
     }
-    let mut slosh_force_body_n = Vector2::zeros();
-    let slosh_body_m_s2 = slosh.map(|sloshing| {
-        let Some((r, free, on_vehicle)) = sloshing else { return Vector2::zeros() };
-        slosh_force_body_n += on_vehicle;
-        free - (specific_force + angular.cross(&r)).xy()
-    });
+    let mut slosh_body_m_s2 = [Vector2::zeros(); MODES];
+    for (n, sloshing) in balance.slosh.iter().enumerate() {
+        let Some((mode, state)) = *sloshing else { continue };
+        let (x, y) = (state.displacement_body_m.x, state.displacement_body_m.y);
+        let z = mode.station_z_body_m;
+        slosh_body_m_s2[n] = Vector2::new(
+            free[n].x - (specific_force.x + angular.y * z - angular.z * y),
+            free[n].y - (specific_force.y + angular.z * x - angular.x * z),
+        );
+    }
     Acceleration {
         specific_force_body_m_s2: specific_force,
         angular_body_rad_s2: angular,
@@ -358,6 +401,7 @@ fn coupled(balance: &Balance) -> Acceleration {
 
 /// The seed paper's coupling: the frozen body drives the oscillator, then the oscillator's force acts on
 /// the frozen body at its station.
+#[inline(never)]
 fn one_way(balance: &Balance, mode: &Mode, state: &SloshState) -> Acceleration {
     let frozen = Balance { slosh: [None; MODES], ..*balance };
     let station = slosh_place(mode, state);
@@ -387,17 +431,17 @@ fn product(a: &Mat3, b: &Mat3) -> Mat3 {
     Mat3::from_columns(&[column(0), column(1), column(2)])
 }
 
-/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k`, of which it reads the lower triangle, by
-/// its L D Lᵀ factors; `None` otherwise.
-fn solve_positive_definite(k: &Mat3, b: &Vec3) -> Option<Vec3> {
-    let d0 = k[(0, 0)];
+/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k`, given by the rows of its lower triangle, by its
+/// L D Lᵀ factors; `None` otherwise.
+#[inline]
+fn solve_positive_definite([d0, k10, k11, k20, k21, k22]: [f64; 6], b: Vec3) -> Option<Vec3> {
     let per_d0 = 1.0 / d0;
-    let (l10, l20) = (k[(1, 0)] * per_d0, k[(2, 0)] * per_d0);
-    let d1 = k[(1, 1)] - l10 * k[(1, 0)];
+    let (l10, l20) = (k10 * per_d0, k20 * per_d0);
+    let d1 = k11 - l10 * k10;
     let per_d1 = 1.0 / d1;
-    let t21 = k[(2, 1)] - l20 * k[(1, 0)];
+    let t21 = k21 - l20 * k10;
     let l21 = t21 * per_d1;
-    let d2 = k[(2, 2)] - l20 * k[(2, 0)] - l21 * t21;
+    let d2 = k22 - l20 * k20 - l21 * t21;
     if !(d0 > 0.0 && d1 > 0.0 && d2 > 0.0) {
         return None;
     }

@@ -161,6 +161,7 @@ pub struct SloshState {
 impl Slosh {
     /// The modes of so much liquid under an axial specific force (m/s²), every applied force but gravity
     /// over mass, positive when it presses the liquid on the floor; `None` where a mode does not run.
+    #[inline]
     pub fn modes(
         &self,
         tank: &TankGeometry,
@@ -173,6 +174,7 @@ impl Slosh {
         [mode(XI[0]), if second { mode(XI[1]) } else { None }]
     }
 
+    #[inline]
     fn mode(
         &self,
         xi: f64,
@@ -184,16 +186,17 @@ impl Slosh {
         let radius = tank.radius_m;
         let height = (nitrous_kg * tank.height_per_kg(nitrous_density_kg_m3)).clamp(0.0, tank.length_m);
         // tanh(x) from tanh(x/2), the one transcendental call.
-        let x = xi * height / radius;
+        let wave_number = xi / radius; // [1/m]
+        let x = wave_number * height;
         let half = libm::tanh(0.5 * x);
         let full = 2.0 * half / (1.0 + half * half);
-        let station_z_body_m = -(tank.floor_z_m + height - 2.0 * radius / xi * half);
+        let station_z_body_m = -(tank.floor_z_m + height - (2.0 / xi) * radius * half);
 
         let (coupling, mass_kg, g_eff) = match self.model {
             SloshModel::Frozen => return None,
             SloshModel::TwoWay => {
                 let slope = if x > 1e-9 { full / x } else { 1.0 }; // tanh(x)/x
-                let mass_kg = nitrous_kg.max(0.0) * 2.0 * slope / (xi * xi - 1.0);
+                let mass_kg = nitrous_kg.max(0.0) * slope * (2.0 / (xi * xi - 1.0));
                 (Coupling::TwoWay, mass_kg, axial_specific_force_m_s2.max(0.0))
             }
             SloshModel::OneWayPaper => {
@@ -201,7 +204,7 @@ impl Slosh {
                 (Coupling::OneWay, mass_kg, STANDARD_GRAVITY_M_S2)
             }
         };
-        let stiffness_1_s2 = g_eff * xi / radius * full;
+        let stiffness_1_s2 = g_eff * wave_number * full;
         let floor_1_s = match coupling {
             Coupling::TwoWay => self.minimum_damping_rate_1_s,
             Coupling::OneWay => 0.0,
@@ -229,6 +232,7 @@ impl Slosh {
 impl Mode {
     /// What spring, damper and stop give the liquid, per unit of its mass (m/s²). The vehicle feels the
     /// opposite, times [`Mode::mass_kg`].
+    #[inline]
     pub fn restoring_m_s2(&self, state: &SloshState) -> Vector2<f64> {
         let (s, v) = (state.displacement_body_m, state.velocity_body_m_s);
         let distance_squared = s.dot(&s);

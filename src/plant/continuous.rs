@@ -11,7 +11,8 @@ use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
 use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Outlet, Pair, PairLevels, Stores, Withdrawal,
+    ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Outlet, Pair, PairLevels, Stores, Uncovering,
+    Withdrawal,
 };
 use crate::vehicle::GasSupply;
 
@@ -21,6 +22,7 @@ const DRAIN_S: f64 = 4e-3;
 
 impl Plant {
     /// Conditions of the engine at a state.
+    #[inline(always)] // so that nothing is written that the engine does not read
     pub(super) fn condition(&self, state: &State) -> EngineCondition {
         let parameters = &self.vehicle.engine_parameters;
         let tail_s = parameters.depletion.tail_time_constant_s;
@@ -29,17 +31,11 @@ impl Plant {
         let drain_s = if self.held.nitrous_depleted { tail_s } else { self.drain_s() };
         let two_phase = self.vehicle.uncovering.is_some();
         let (outlet, inert_share) = self.outlet(state);
-        let fuel_share = self.usable_fuel_kg(state) / (tail_s * self.held.full_fuel_kg_s);
         EngineCondition {
             port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
             throat_radius_m: state.throat_radius_m,
-            // A share of 0/0, no flow yet, limits nothing. Nitrogen among the oxidiser does not burn.
-            burning_fraction: (1.0 - inert_share)
-                * if fuel_share < 1.0 {
-                    state.burning_fraction.min(fuel_share)
-                } else {
-                    state.burning_fraction
-                },
+            // Nitrogen among the oxidiser does not burn.
+            burning_fraction: (1.0 - inert_share) * self.burning_share(state),
             ambient_pa: self.environment.atmosphere.pressure_pa,
             chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
                 oxidizer_kg: state.chamber_oxidizer_kg,
@@ -57,10 +53,25 @@ impl Plant {
         }
     }
 
+    /// Share of the oxidiser that burns: the flame's, as far as fuel is left.
+    #[inline]
+    pub(super) fn burning_share(&self, state: &State) -> f64 {
+        let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
+        let (fuel_kg, full_kg) = (self.usable_fuel_kg(state), tail_s * self.held.full_fuel_kg_s);
+        if fuel_kg < full_kg { state.burning_fraction.min(fuel_kg / full_kg) } else { state.burning_fraction }
+    }
+
     /// What an uncovered outlet draws, and the share of nitrogen in it.
-    fn outlet(&self, state: &State) -> (Option<Outlet>, f64) {
-        let uncovered = self.vehicle.uncovering.and_then(|at| at.gas_shares(state.nitrous_kg));
-        let Some([valve_gas, injector_gas]) = uncovered else {
+    #[inline]
+    pub(super) fn outlet(&self, state: &State) -> (Option<Outlet>, f64) {
+        match &self.vehicle.uncovering {
+            None => (None, 0.0),
+            Some(uncovering) => self.uncovered_outlet(uncovering, state),
+        }
+    }
+
+    fn uncovered_outlet(&self, uncovering: &Uncovering, state: &State) -> (Option<Outlet>, f64) {
+        let Some([valve_gas, injector_gas]) = uncovering.gas_shares(state.nitrous_kg) else {
             return (None, 0.0);
         };
         let GasSupply::Balanced(view) =
@@ -82,8 +93,13 @@ impl Plant {
     }
 
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
-    #[inline(always)] // so that a stage computes nothing but its rate
     pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
+        self.evaluate_inline(state, share)
+    }
+
+    /// The same for the steps themselves, which compute nothing of it that they do not use.
+    #[inline(always)]
+    pub(super) fn evaluate_inline(&self, state: &State, share: f64) -> Evaluation {
         let (vehicle, held) = (&self.vehicle, &self.held);
 
         // Actuators.
@@ -276,10 +292,12 @@ impl Plant {
             acceleration,
             contact,
             wind_ned_m_s,
+            motion,
         }
     }
 
     /// What moving contents and outflows add to the balance of momentum.
+    #[inline]
     fn flow_terms(
         &self,
         state: &State,
@@ -312,13 +330,14 @@ impl Plant {
 
     /// What the engine does with this much valve area open, `share` of a step on, and what the manifold has taken
     /// up since the step began (kg).
+    #[inline(always)]
     fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> (OperatingPoint, f64) {
         let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
         let (mut point, stored_kg) = match &self.paper {
             None if self.feed_stores() => self.feed_point(state, valve_area_m2, share),
             None => {
                 let guess = self.held.guess_at(share);
-                (engine.operating_point(feed, valve_area_m2, &self.condition(state), guess), 0.0)
+                (engine.operating_point_inline(feed, valve_area_m2, &self.condition(state), guess), 0.0)
             }
             Some(paper) => match paper.point {
                 Some(held) => return (held, 0.0),

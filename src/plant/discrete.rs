@@ -1,6 +1,6 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, PlantEvent, Settled, State, motion};
+use super::{Evaluation, Plant, PlantEvent, Settled, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::fluid::Nitrous;
@@ -47,8 +47,14 @@ impl Plant {
             *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
         }
 
-        let now = self.evaluate(&self.state, 0.0);
-        self.settled = Some(Settled { state: self.state, inputs: self.inputs(&self.state), rate: now.rate });
+        let now = self.evaluate_inline(&self.state, 0.0);
+        let inputs = self.inputs(&self.state);
+        let guess = (self.held.guess, self.held.trend_pa);
+        match &mut self.settled {
+            // In place: a rate is large.
+            Some(settled) => (settled.inputs, settled.rate, settled.guess) = (inputs, now.rate, guess),
+            None => self.settled = Some(Settled { inputs, rate: now.rate, guess }),
+        }
         self.snapshot = self.snapshot_of(&now);
         self.held.look_from(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
@@ -101,10 +107,15 @@ impl Plant {
 
         // Feet.
         if self.options.ground {
-            let motion = motion(&self.state);
-            let gear = &self.vehicle.landing_gear;
-            self.held.anchors =
-                gear.anchors_after(&self.pads_body_m, &motion, 0.0, &self.held.anchors, self.held.grip);
+            let (gear, held) = (&self.vehicle.landing_gear, &self.held);
+            if !gear.clear_of_ground(&now.motion, 0.0) || held.anchors.count() > 0 {
+                let anchors =
+                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &held.anchors, held.grip);
+                if anchors != held.anchors {
+                    self.settled = None;
+                    self.held.anchors = anchors;
+                }
+            }
         }
     }
 
@@ -135,7 +146,7 @@ impl Plant {
     /// Lights or goes out; notices when fuel begins to limit the flame.
     fn settle_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        let burning = self.condition(&self.state).burning_fraction;
+        let burning = (1.0 - self.outlet(&self.state).1) * self.burning_share(&self.state);
         if now.engine.steady_fuel_kg_s > 0.0 && burning > 0.0 {
             self.held.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
         }

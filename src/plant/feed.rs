@@ -36,8 +36,11 @@ impl Plant {
         let open_area_m2 = self.feed_input(&self.state).valve_area_m2;
         let FeedPoint { engine, state: fed } = self.feed_after(&self.state, open_area_m2, 1.0);
         self.held.guess.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
-        self.state.nitrous_kg -= fed.manifold_kg - self.state.manifold_kg;
-        self.state.manifold_kg = fed.manifold_kg;
+        // What is injected and what is stored come of two methods, whose errors an empty tank cannot pay.
+        let taken_kg = fed.manifold_kg - self.state.manifold_kg;
+        let given_kg = taken_kg.min(self.state.nitrous_kg);
+        self.state.nitrous_kg -= given_kg;
+        self.state.manifold_kg = fed.manifold_kg - (taken_kg - given_kg);
         self.state.line_kg_s = fed.line_kg_s;
     }
 

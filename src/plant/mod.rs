@@ -36,8 +36,7 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    EngineCondition, FeedInput, FeedMap, Flame, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
-    Stages,
+    FeedInput, FeedMap, Flame, GasState, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -75,18 +74,30 @@ pub struct Plant {
 /// has changed since.
 #[derive(Clone, Copy, Debug)]
 struct Settled {
-    state: State,
     inputs: Inputs,
     rate: Rate,
+    /// Where the solver looked first.
+    guess: (Guess, [[f64; 2]; 2]),
 }
 
-/// What [`Plant::evaluate`] reads beside the state and what never changes, for comparison. The play is not
-/// here: taking it in after a step leaves its output as it was. Nor is the solver's guess. Whoever lets
-/// [`Plant::evaluate`] read something else that changes between steps adds it here; tests with debug assertions
-/// compare every rate that is taken over with a fresh one.
+/// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. The play is
+/// not here: taking it in after a step leaves its output as it was. Nor is the solver's guess; nor are the anchors,
+/// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
+/// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
+/// fresh one from the same guess, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Inputs {
-    condition: EngineCondition,
+    nitrous_kg: f64,
+    nitrogen_kg: f64,
+    gas: GasState,
+    fuel_flow_kg_s: f64,
+    valve_rad: f64,
+    valve_rad_s: f64,
+    gimbal_rad: Vec3,
+    rcs_level: Vec3,
+    burning_fraction: f64,
+    burning_share: f64,
+    nitrous_depleted: bool,
     head_pa: f64,
     feed_built_for: (f64, f64),
     valve_command_rad: f64,
@@ -99,7 +110,6 @@ struct Inputs {
     lit: bool,
     ignition: Option<SimTime>,
     grip: Grip,
-    anchors: Anchors,
 }
 
 /// What a scenario idealises.
@@ -233,7 +243,10 @@ pub struct Evaluation {
     pub contact: Contact,
     /// Velocity of the air (m/s).
     pub wind_ned_m_s: Vec3,
+    /// Where the vehicle is and how it moves.
+    pub motion: Motion,
 }
+
 impl Plant {
     /// The plant at step 0 of a scenario.
     ///
@@ -277,29 +290,48 @@ impl Plant {
     /// The rate alone: what else an evaluation finds need not be stored.
     #[inline(never)]
     fn rate(&self, state: &State, share: f64) -> Rate {
-        self.evaluate(state, share).rate
+        self.evaluate_inline(state, share).rate
     }
 
     /// Rate at the beginning of a step.
-    fn first_rate(&self) -> Rate {
+    fn first_rate(&mut self) -> Rate {
         let settled = self.settled.as_ref();
-        match settled.filter(|at| at.state == self.state && at.inputs == self.inputs(&self.state)) {
-            Some(settled) => {
-                debug_assert!(
-                    near(&settled.rate, &self.evaluate(&self.state, 0.0).rate),
-                    "Inputs lacks something that evaluate reads"
-                );
-                settled.rate
+        match settled.filter(|at| at.inputs == self.inputs(&self.state)) {
+            Some(&Settled { rate, guess, .. }) => {
+                debug_assert!(self.repeats(&rate, guess), "Inputs lacks something that evaluate reads");
+                rate
             }
             None => self.rate(&self.state, 0.0),
         }
     }
 
-    /// What [`Plant::evaluate`] reads beside the state.
+    /// Whether an evaluation from a guess gives the same rate again.
+    fn repeats(&mut self, rate: &Rate, guess: (Guess, [[f64; 2]; 2])) -> bool {
+        let now = (self.held.guess, self.held.trend_pa);
+        (self.held.guess, self.held.trend_pa) = guess;
+        let fresh = self.rate(&self.state, 0.0);
+        (self.held.guess, self.held.trend_pa) = now;
+        let [a, b] = [rate, &fresh].map(|rate| State::EMPTY.advanced(rate, 1.0));
+        // Written so that what is not a number is the same as everything.
+        !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 0.0)
+    }
+
+    /// What [`Plant::evaluate`] reads and what may change between steps.
+    #[inline]
     fn inputs(&self, state: &State) -> Inputs {
         let held = &self.held;
         Inputs {
-            condition: self.condition(state),
+            nitrous_kg: state.nitrous_kg,
+            nitrogen_kg: state.nitrogen_kg,
+            gas: state.gas,
+            fuel_flow_kg_s: state.fuel_flow_kg_s,
+            valve_rad: state.valve_rad,
+            valve_rad_s: state.valve_rad_s,
+            gimbal_rad: state.gimbal_rad,
+            rcs_level: state.rcs_level,
+            burning_fraction: state.burning_fraction,
+            burning_share: self.burning_share(state),
+            nitrous_depleted: held.nitrous_depleted,
             head_pa: held.head_pa,
             feed_built_for: held.feed.built_for(),
             valve_command_rad: held.valve_command_rad,
@@ -315,7 +347,6 @@ impl Plant {
             lit: held.flame.lit,
             ignition: held.ignition,
             grip: held.grip,
-            anchors: held.anchors,
         }
     }
 
@@ -391,13 +422,6 @@ impl Plant {
 /// Where friction holds a servo (rad); without friction its memory follows the angle and means nothing.
 fn stuck_at(servo: &Servo, memory: &ServoMemory) -> f64 {
     if servo.friction_rad > 0.0 { memory.anchor_rad } else { 0.0 }
-}
-
-/// Equal within what the solver's tolerance and rounding may differ.
-fn near(a: &Rate, b: &Rate) -> bool {
-    let [a, b] = [a, b].map(|rate| State::EMPTY.advanced(rate, 1.0));
-    // Written so that what is not a number is near everything.
-    !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 1e-6 * (1.0 + b.abs()))
 }
 
 fn motion(state: &State) -> Motion {

@@ -2,7 +2,7 @@
 
 use nalgebra::UnitQuaternion;
 
-use super::{Evaluation, Plant, motion};
+use super::{Evaluation, Plant};
 use crate::frame::{Mat3, Vec3, structural_from_frd, tilt_rad};
 use crate::time::SimTime;
 
@@ -185,12 +185,15 @@ impl Plant {
         let attitude = state.attitude();
         let com_body_m = now.mass.centre_of_mass_body_m();
         let com_velocity_ned_m_s =
-            state.velocity_ned_m_s + attitude * state.rate_body_rad_s.cross(&com_body_m);
-        let motion = motion(state);
+            state.velocity_ned_m_s + now.motion.ned_from_body * state.rate_body_rad_s.cross(&com_body_m);
+        let motion = &now.motion;
+        let gear = &self.vehicle.landing_gear;
         let deflection_m = |pad: &Vec3| motion.point_ned_m(*pad).z;
-        let pads = &self.pads_body_m[..self.vehicle.landing_gear.legs()];
-        let leg_deflection_m =
-            if self.options.ground { pads.iter().map(deflection_m).fold(0.0, f64::max) } else { 0.0 };
+        let leg_deflection_m = if self.options.ground && !gear.clear_of_ground(motion, 0.0) {
+            self.pads_body_m[..gear.legs()].iter().map(deflection_m).fold(0.0, f64::max)
+        } else {
+            0.0
+        };
         let hull_contact = self.options.ground
             && [self.outlets.nozzle, self.outlets.vent]
                 .iter()

@@ -126,6 +126,7 @@ pub struct NearPressure {
 }
 
 /// (11S): the throat may be unchoked.
+#[inline(never)]
 fn near_ambient(
     map: &CombustionMap,
     mixture: &Mixture<'_>,

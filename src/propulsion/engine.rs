@@ -313,9 +313,24 @@ impl Engine {
         condition: &EngineCondition,
         guess: Guess,
     ) -> OperatingPoint {
+        self.operating_point_inline(feed, valve_area_m2, condition, guess)
+    }
+
+    /// The same for the innermost caller, which computes nothing of it that it does not use.
+    #[inline(always)]
+    pub fn operating_point_inline(
+        &self,
+        feed: &FeedMap,
+        valve_area_m2: f64,
+        condition: &EngineCondition,
+        guess: Guess,
+    ) -> OperatingPoint {
         let setting = self.setting(condition);
         let mut near = guess.near;
-        let held = condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
+        let held = match condition.chamber_gas {
+            None => None,
+            Some(gas) => Some(setting.held(gas, &mut near)),
+        };
         let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
         let tank_pa = feed.tank().pressure_pa;
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
@@ -325,7 +340,7 @@ impl Engine {
         }
 
         let (mut oxidizer_kg_s, mut outlet_gas_kg_s) = (0.0, 0.0);
-        let (mut inlet, mut hot) = (None, None);
+        let (mut quality, mut hot) = (0.0, None);
         // Flow that the injector would pass less flow that the valve gives: rises with P2.
         let balance = |inlet_pa: f64| {
             let state = feed.inlet(inlet_pa);
@@ -354,7 +369,7 @@ impl Engine {
             if let Some(outlet) = outlet {
                 injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
             }
-            inlet = Some(state);
+            quality = state.quality;
             self.injector_area_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {
@@ -365,7 +380,6 @@ impl Engine {
             tolerance: INLET_TOLERANCE * tank_pa,
         };
         let root = bracketed_root(bracket, balance);
-        let quality = inlet.map_or(0.0, |inlet| inlet.quality);
         let next = Guess { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, near };
         let found = Found {
             injector_inlet_pa: root.x,
@@ -373,13 +387,15 @@ impl Engine {
             solved: root.status != RootStatus::Invalid,
             guess: next,
         };
-        let point = match held {
+        let mut point = match held {
             Some(held) => setting.filling_point(oxidizer_kg_s, &held, found),
             None => setting.steady_point(oxidizer_kg_s, hot, found),
         };
-        OperatingPoint { outlet_gas_kg_s, ..point }
+        point.outlet_gas_kg_s = outlet_gas_kg_s;
+        point
     }
 
+    #[inline(always)]
     pub(super) fn setting<'a>(&'a self, condition: &'a EngineCondition) -> Setting<'a> {
         let nozzle = &self.nozzle;
         let throat_radius_m = condition.throat_radius_m.min(nozzle.greatest_throat_radius_m());
@@ -433,7 +449,7 @@ pub(super) struct Held<'a> {
 
 impl<'a> Setting<'a> {
     /// Steady state of an oxidiser flow that burns altogether.
-    #[inline]
+    #[inline(always)]
     pub(super) fn burning(&self, oxidizer_kg_s: f64, near: &mut Near) -> Burning<'a> {
         let fuel_kg_s = match self.condition.fuel_flow_kg_s {
             None => self.steady_fuel_kg_s(oxidizer_kg_s, near),
@@ -467,7 +483,7 @@ impl<'a> Setting<'a> {
     }
 
     /// The burning flow if anything burns.
-    #[inline]
+    #[inline(always)]
     pub(super) fn burning_share_of(&self, oxidizer_kg_s: f64, near: &mut Near) -> Option<Burning<'a>> {
         (oxidizer_kg_s > 0.0 && self.condition.burning_fraction > 0.0)
             .then(|| self.burning(oxidizer_kg_s, near))
@@ -503,6 +519,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Growth of the throat: hot flow erodes, cold flow does not.
+    #[inline]
     fn erosion_m_s(&self, chamber_pa: f64, near: &mut Near) -> f64 {
         let nozzle = &self.engine.nozzle;
         if self.condition.throat_radius_m >= nozzle.greatest_throat_radius_m()
@@ -518,6 +535,7 @@ impl<'a> Setting<'a> {
         fuel_kg_s / self.engine.grain.fuel_per_regression_kg_m(self.condition.port_radius_m)
     }
 
+    #[inline(always)]
     pub(super) fn steady_point(
         &self,
         oxidizer_kg_s: f64,
@@ -567,6 +585,7 @@ impl<'a> Setting<'a> {
     }
 
     /// Pressure and outflow of the gas in the chamber.
+    #[inline(never)]
     pub(super) fn held(&self, gas: ChamberGas, near: &mut Near) -> Held<'a> {
         let engine = self.engine;
         let (oxidizer_kg, fuel_kg) = (gas.oxidizer_kg.max(0.0), gas.fuel_kg.max(0.0));
@@ -599,6 +618,7 @@ impl<'a> Setting<'a> {
         }
     }
 
+    #[inline(never)]
     pub(super) fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let mut guess = found.guess;

@@ -191,7 +191,7 @@ impl FeedMap {
     }
 
     /// State 2 and the flux of the valve at a pressure between valve and injector.
-    #[inline]
+    #[inline(always)]
     pub fn inlet(&self, inlet_pa: f64) -> Inlet {
         let flashing = inlet_pa < self.flash_pa || self.liquid_count == 0;
         let (pieces, count) =

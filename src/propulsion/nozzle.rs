@@ -88,24 +88,33 @@ impl Nozzle {
     }
 
     /// Thrust (N) and state of the flow at a chamber pressure. `combustion_efficiency` is that of c*.
+    #[inline]
     pub fn thrust(
         &self,
         throat: &Throat,
         mixture: &Mixture<'_>,
         chamber: ChamberPressure,
     ) -> (f64, NozzleFlow) {
-        let full_n = |c: ChamberPressure| {
-            let velocity = STANDARD_GRAVITY_M_S2 * mixture.vacuum_isp_s(c.log) / mixture.c_star_m_s(c.log);
-            self.thrust_efficiency * self.discharge_coefficient * c.pa * throat.area_m2 * velocity
-                - throat.ambient_pa * throat.exit_area_m2
-        };
         let ratio = chamber.pa / throat.ambient_pa;
         if ratio >= throat.full_above {
-            return (full_n(chamber).max(0.0), NozzleFlow::Full);
+            return (self.full_n(throat, mixture, chamber).max(0.0), NozzleFlow::Full);
         }
         if ratio <= 1.0 {
             return (0.0, NozzleFlow::Off);
         }
+        self.thrust_near_separation(throat, mixture, chamber)
+    }
+
+    /// The same of a nozzle that may flow full, separated or unchoked.
+    #[inline(never)]
+    fn thrust_near_separation(
+        &self,
+        throat: &Throat,
+        mixture: &Mixture<'_>,
+        chamber: ChamberPressure,
+    ) -> (f64, NozzleFlow) {
+        let ratio = chamber.pa / throat.ambient_pa;
+        let full_n = |c| self.full_n(throat, mixture, c);
         let gas = PerfectGas { gamma: mixture.gamma() };
         let exit_mach = gas.supersonic_mach(throat.exit_area_m2 / throat.area_m2);
         let separation_ratio = gas.total_over_static(exit_mach) / exit_mach;
@@ -127,6 +136,15 @@ impl Nozzle {
         // A pipe without divergence has its onset at the throat: both are then the same thrust.
         let share = if onset_tau > 0.0 { gas.ideal_thrust(mach) / onset_tau } else { 0.0 };
         ((onset_n * share).max(0.0), flow)
+    }
+
+    /// Thrust of a nozzle that flows full (N); below zero where it cannot.
+    #[inline]
+    fn full_n(&self, throat: &Throat, mixture: &Mixture<'_>, chamber: ChamberPressure) -> f64 {
+        let log = chamber.log;
+        let velocity = STANDARD_GRAVITY_M_S2 * mixture.vacuum_isp_s(log) / mixture.c_star_m_s(log);
+        self.thrust_efficiency * self.discharge_coefficient * chamber.pa * throat.area_m2 * velocity
+            - throat.ambient_pa * throat.exit_area_m2
     }
 
     /// Least Pc/pa at which the nozzle surely flows full, for exponents within `gammas` and a throat not

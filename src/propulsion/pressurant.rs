@@ -132,6 +132,17 @@ pub struct PressurantGas {
     pub ullage: Isotherm,
     /// Temperature of liquid and gas in the tank (K).
     pub ullage_k: f64,
+    /// Density above the liquid at the regulator's set pressure (kg/m³).
+    pub set_kg_m3: f64,
+}
+
+impl PressurantGas {
+    /// Of a bottle and a regulator, with the liquid at a temperature (K).
+    pub fn new(pressurant: &Pressurant, ullage_k: f64) -> Self {
+        let ullage = Isotherm::new(ullage_k);
+        let set_kg_m3 = ullage.density_kg_m3(pressurant.regulator.set_pressure_pa);
+        Self { bottle: Isotherm::new(pressurant.bottle.temperature_k), ullage, ullage_k, set_kg_m3 }
+    }
 }
 
 /// What the nitrogen's distribution depends on.
@@ -172,15 +183,14 @@ impl Pressurant {
     }
 
     /// Distributes the nitrogen between bottle and tank.
+    #[inline]
     pub fn distribute(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
-        let NitrogenInventory { total_kg, ullage_m3, ambient_pa } = *inventory;
+        let NitrogenInventory { total_kg, ullage_m3, .. } = *inventory;
         let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;
         let total_kg = total_kg.max(0.0);
-        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
-
         let outlet_pa = self.regulator.set_pressure_pa;
-        let tank_kg = in_tank_kg(outlet_pa);
+        let tank_kg = ullage_m3.max(0.0) * gas.set_kg_m3;
         let bottle_kg = total_kg - tank_kg;
         if bottle_kg > 0.0 {
             let bottle_pa = gas.bottle.pressure_pa(bottle_kg / bottle_m3);
@@ -196,7 +206,18 @@ impl Pressurant {
                 };
             }
         }
-        // Blow-down: the tank pressure at which both volumes hold the whole mass.
+        self.blown_down(gas, inventory)
+    }
+
+    /// Blow-down: the tank pressure at which both volumes hold the whole mass.
+    #[inline(never)]
+    fn blown_down(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
+        let NitrogenInventory { total_kg, ullage_m3, ambient_pa } = *inventory;
+        let bottle_m3 = self.bottle.volume_m3;
+        let drop_pa = self.regulator.minimum_drop_pa;
+        let outlet_pa = self.regulator.set_pressure_pa;
+        let total_kg = total_kg.max(0.0);
+        let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
         let excess_kg = |tank_pa: f64| {
             in_tank_kg(tank_pa) + bottle_m3 * gas.bottle.density_kg_m3(tank_pa + drop_pa) - total_kg
         };
@@ -251,8 +272,7 @@ mod tests {
 
     fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
         let inventory = NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0 };
-        let gas =
-            PressurantGas { bottle: Isotherm::new(290.0), ullage: Isotherm::new(290.0), ullage_k: 290.0 };
+        let gas = PressurantGas::new(&reference(), 290.0);
         reference().distribute(&gas, &inventory)
     }
 

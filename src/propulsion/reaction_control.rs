@@ -102,6 +102,14 @@ pub struct ThrusterLoads {
     pub nitrogen_kg_s: f64,
 }
 
+impl ThrusterLoads {
+    const NONE: Self = Self {
+        force_body_n: Vec3::new(0.0, 0.0, 0.0),
+        moment_body_n_m: Vec3::new(0.0, 0.0, 0.0),
+        nitrogen_kg_s: 0.0,
+    };
+}
+
 /// An interval in which a pair's valves are open [us since step 0].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Pulse {
@@ -197,13 +205,18 @@ impl ReactionControl {
     }
 
     /// Force and moment on the vehicle, and nitrogen used. Positions and directions in body FRD.
+    #[inline]
     pub fn loads(&self, levels: &PairLevels, supply_pa: f64) -> ThrusterLoads {
-        let supply = (supply_pa / self.supply_minimum_pa).clamp(0.0, 1.0);
-        let mut loads =
-            ThrusterLoads { force_body_n: Vec3::zeros(), moment_body_n_m: Vec3::zeros(), nitrogen_kg_s: 0.0 };
         if levels.a <= 0.0 && levels.b <= 0.0 {
-            return loads;
+            return ThrusterLoads::NONE;
         }
+        self.firing_loads(levels, supply_pa)
+    }
+
+    #[inline(never)]
+    fn firing_loads(&self, levels: &PairLevels, supply_pa: f64) -> ThrusterLoads {
+        let supply = (supply_pa / self.supply_minimum_pa).clamp(0.0, 1.0);
+        let mut loads = ThrusterLoads::NONE;
         for thruster in &self.thruster {
             let level = match thruster.pair {
                 Pair::A => levels.a,

@@ -54,25 +54,21 @@ pub fn autopilot(
     }
 }
 
-/// Whether the engine covers the throttle band that the vehicle file promises, fresh and burnt through.
+/// Whether the engine, its port fresh, reaches the throttle band that the vehicle file promises. A port that has
+/// grown may give less: the autopilot's table ends there.
 pub fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
     let (engine, rating) = (&vehicle.engine, &vehicle.rating);
     let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
-    let grain = engine.grain();
-    for (port_radius_m, port) in [(grain.port_radius_m, "fresh"), (grain.outer_radius_m, "burnt-through")] {
-        let condition = lit(vehicle, port_radius_m, environment.atmosphere.pressure_pa);
-        let most = engine.inverse(&feed, rating.thrust_command_max_n, &condition, Guess::default());
-        if most.saturated {
-            return Err(Invalid::new(
-                "vehicle.thrust_command_max_n",
-                format!(
-                    "{} N is out of range; this engine gives up to {:.0} N with its {port} port",
-                    rating.thrust_command_max_n, most.point.thrust_n
-                ),
-            ));
-        }
+    let condition = lit(vehicle, engine.grain().port_radius_m, environment.atmosphere.pressure_pa);
+    let most = engine.inverse(&feed, rating.thrust_command_max_n, &condition, Guess::default());
+    if !most.saturated {
+        return Ok(());
     }
-    Ok(())
+    let message = format!(
+        "{} N is out of range; this engine gives up to {:.0} N",
+        rating.thrust_command_max_n, most.point.thrust_n
+    );
+    Err(Invalid::new("vehicle.thrust_command_max_n", message))
 }
 
 /// The burning engine, throat as at the start.
@@ -226,9 +222,18 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
         (0..nodes).map(|i| low + (high - low) * i as f64 / (nodes - 1) as f64).collect()
     };
     let rating = &vehicle.rating;
-    let thrust_n = spread(0.5 * rating.thrust_command_min_n, rating.thrust_command_max_n, THRUST_NODES);
     let grain = &vehicle.engine_parameters.grain;
     let port_radius_m = spread(grain.port_radius_m, grain.outer_radius_m, RADIUS_NODES);
+    // Where the engine cannot give the ends of the band, the table ends at what it gives at every radius.
+    let within = |thrust_n: f64, tighter: fn(f64, f64) -> f64| {
+        port_radius_m.iter().fold(thrust_n, |end_n, &radius| {
+            let at = engine.inverse(&feed, thrust_n, &lit(vehicle, radius, ambient_pa), Guess::default());
+            if at.saturated { tighter(end_n, at.point.thrust_n) } else { end_n }
+        })
+    };
+    let least_n = within(0.5 * rating.thrust_command_min_n, f64::max);
+    let most_n = within(rating.thrust_command_max_n, f64::min);
+    let thrust_n = spread(least_n, most_n, THRUST_NODES);
     let mut map = ThrustMap {
         valve_rad: Vec::with_capacity(RADIUS_NODES),
         oxidizer_kg_s: Vec::with_capacity(RADIUS_NODES),
