@@ -168,9 +168,13 @@ fn an_uncovered_outlet_gives_a_spike_and_a_tail() {
         let kind = usize::from(s.nitrous_kg < 1e-9);
         worst[kind] = worst[kind].max((through_valve / through_injector - 1.0).abs());
         if kind == 1 {
-            // Nothing evaporates any more: what bottle and tank lose went through the injector.
+            // What bottle and tank lose went through the injector.
             let gas = |s: &Snapshot| {
-                s.nitrogen_bottle_kg + s.nitrogen_ullage_kg + s.nitrous_vapor_kg + s.expelled_kg[2]
+                s.nitrogen_bottle_kg
+                    + s.nitrogen_ullage_kg
+                    + s.nitrous_vapor_kg
+                    + s.nitrous_kg
+                    + s.expelled_kg[2]
             };
             let lost_kg_s = (gas(&run[n - 1]) - gas(&run[n + 1])) / 2e-3;
             worst[2] = worst[2].max((lost_kg_s / (through_injector * rho2) - 1.0).abs());

@@ -173,10 +173,9 @@ fn mass_and_energy_close_to_a_billionth() {
     }
 }
 
-/// Greatest relative differences from the second code, per kind of row.
-fn against_the_second_code(kinds: &[&str], by_s: impl Fn(&str, &[f64]) -> f64) -> f64 {
+/// The rows of the second code of some kinds, each within what is allowed.
+fn against_the_second_code(kinds: &[&str], allowed: impl Fn(&str, &[f64]) -> f64) {
     let text = include_str!("reference/gas_balance.csv");
-    let mut greatest = 0.0f64;
     let mut rows = 0;
     for line in text.lines().filter(|l| !l.starts_with('#')).skip(1) {
         let mut cells = line.split(',');
@@ -227,45 +226,39 @@ fn against_the_second_code(kinds: &[&str], by_s: impl Fn(&str, &[f64]) -> f64) -
                 worst = (apart, name);
             }
         }
-        let allowed = by_s(kind, &v);
+        let allowed = allowed(kind, &v);
         println!("{kind} {:?}: {:.1e} in {}, allowed {allowed:.1e}", &v[..3], worst.0, worst.1);
         assert!(worst.0 < allowed, "{kind} {:?}: {worst:?}", &v[..3]);
-        greatest = greatest.max(worst.0);
         rows += 1;
     }
     assert!(rows >= 2 * kinds.len(), "{rows}");
-    greatest
 }
 
-/// What tables and steps may cost. Z of either gas is tabulated to 1e-5 and u to 1e-5 R T (`reference_fluid`), 3e-5 of
-/// the heat of a cooling by R T; over a drain both add up, in the bottle with a factor 1/(γ - 1) on its pressure:
-/// 4 · 1e-5. RK4 at 1 ms with a regulator of 20 ms adds (1/20)^4/120 = 5e-8.
-const TABLES: f64 = 4e-5;
+/// What steps may cost: DOP853 keeps 1e-9 of each step, over some hundreds of them 1e-7; RK4 at 1 ms with a regulator of
+/// 20 ms (1/20)^4/120 = 5e-8; ten printed digits 5e-10. The tables' errors, spacing to the fourth, are below that
+/// between 200 and 300 K.
+const STEPS: f64 = 2e-7;
 
 #[test]
 fn the_second_code_agrees() {
-    against_the_second_code(&["bottle", "drain"], |kind, v| {
-        // Droplets of mist take no room here; the second code lets them: 1 % of their share of the vapour.
-        if kind == "drain" && v[0] == 1e-6 { 1e-2 } else { TABLES }
+    against_the_second_code(&["bottle", "drain"], |_, v| {
+        // Mist begins after 2 s. Its droplets take no room here; the second code lets them, ρ_v/ρ_l = 20 % of the
+        // condensed share, a few per cent of the vapour.
+        if v[0] == 1e-6 && v[2] > 2.0 { 1e-2 } else { STEPS }
     });
 }
 
 #[test]
 fn the_second_code_agrees_on_droop_and_lock_up() {
-    against_the_second_code(&["droop", "lockup"], |_, _| TABLES);
+    against_the_second_code(&["droop", "lockup"], |_, _| STEPS);
 }
 
-/// Boiling: the second code stays twenty times nearer to the vapour pressure. Ours lags by what feeds the growing room,
-/// ρ q, over the conductance V/(R T · 20 ms): ρ R T q/V · 20 ms, of the pressure q/V · 20 ms, 5e-4 m³/s in
-/// 7 litres: 1.4e-3.
+/// The second code boils twenty times nearer to the vapour pressure. Ours lags by E/g, evaporation 25 g/s over
+/// g = V/(R T · 20 ms) = 1.4e-5 kg/(s Pa): 1.8 kPa, at 110 kPa/K 16 mK in a liquid of 22 kJ/K, whose 360 J would
+/// evaporate 2 g of 247 g: 9e-3.
 #[test]
 fn the_second_code_agrees_on_blow_down_and_boiling() {
-    against_the_second_code(
-        &["blow_down"],
-        |kind, v| {
-            if kind == "blow_down" && v[2] < 20.0 { TABLES } else { 1.4e-3 }
-        },
-    );
+    against_the_second_code(&["blow_down"], |_, v| if v[2] < 20.0 { STEPS } else { 9e-3 });
 }
 
 /// Both gases at constant temperature, and a start at the set pressure.
@@ -346,19 +339,22 @@ fn a_tank_blows_down_with_its_bottle() {
             ambient_pa: 101_325.0,
         };
         let algebra = pressurant.distribute(&gas, &inventory);
-        if !algebra.regulated {
-            lost += 1;
+        lost += i32::from(!algebra.regulated);
+        // The regulator's 20 ms take the corner; half a second is 25 of them.
+        if lost == 0 || lost > 500 {
+            worst = worst.max((now.tank_pa / algebra.tank_pa - 1.0).abs());
+        }
+        if lost > 500 {
             lowest = lowest.min(now.tank_pa);
             assert!(
-                (now.bottle_pa - now.tank_pa - 15e5).abs() < 65e5 * TABLES,
+                (now.bottle_pa - now.tank_pa - 15e5).abs() < 65e5 * STEPS,
                 "always the drop below the bottle"
             );
         }
-        worst = worst.max((now.tank_pa / algebra.tank_pa - 1.0).abs());
     });
     println!("{lost} ms of blow-down to {:.2} bar, {worst:.1e} off the algebra", lowest * 1e-5);
     // Two tables of one equation of state, each good to 1e-5.
-    assert!(lost > 5000 && lowest < 50e5 && worst < TABLES, "{lost} {lowest} {worst}");
+    assert!(lost > 5000 && lowest < 50e5 && worst < 2e-5, "{lost} {lowest} {worst}");
 }
 
 /// A tank above what the regulator keeps is not regulated, and gets nothing.
