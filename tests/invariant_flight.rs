@@ -39,14 +39,15 @@ fn regulated_tank_burning_fuel_nitrogen_and_mass_over_the_hop() {
     }
 }
 
-/// Least and greatest pressure of the run tank while the bottle feeds the regulator (Pa).
+/// Least and greatest pressure of the run tank while the regulator feeds it (Pa). After landing nothing is drawn, and gas
+/// that the liquid warms passes the set pressure: to 65.3 bar stratified, 65.9 bar with vapour.
 fn regulated_hop(overrides: &[(&str, &str)]) -> [f64; 2] {
     let scenario = files::scenario("hop_50m", overrides);
     let (mut low, mut high, mut regulated) = (f64::MAX, f64::MIN, 0u32);
     let (mut burning, mut slowest_kg) = (0u32, f64::MAX);
     let (mut open, mut leak, mut start) = (0.0f64, 0.0f64, None);
     watch(&scenario, |before, now| {
-        if now.bottle_pa >= 80e5 {
+        if now.bottle_pa >= 80e5 && now.oxidizer_kg_s > 0.0 {
             low = low.min(now.tank_pa);
             high = high.max(now.tank_pa);
             regulated += 1;
@@ -61,8 +62,12 @@ fn regulated_hop(overrides: &[(&str, &str)]) -> [f64; 2] {
         let nitrous = |s: &Snapshot| s.nitrous_kg + s.nitrous_vapor_kg;
         assert!(now.fuel_kg <= before.fuel_kg && nitrous(now) <= nitrous(before) + 1e-14);
         let nitrogen = |s: &Snapshot| s.nitrogen_bottle_kg + s.nitrogen_ullage_kg;
-        let used = now.expelled_kg[1] - before.expelled_kg[1] + now.expelled_kg[2] - before.expelled_kg[2];
-        leak = leak.max((nitrogen(before) - nitrogen(now) - used).abs());
+        let gone = |k: usize| now.expelled_kg[k] - before.expelled_kg[k];
+        let lost = nitrogen(before) - nitrogen(now) - gone(1);
+        // Vapour leaves by the vent with it, by its share.
+        let share = |s: &Snapshot| s.nitrogen_ullage_kg / (s.nitrogen_ullage_kg + s.nitrous_vapor_kg);
+        let (least, most) = (share(before).min(share(now)), share(before).max(share(now)));
+        leak = leak.max(lost - most * gone(2)).max(least * gone(2) - lost);
         assert!(now.expelled_kg.iter().zip(before.expelled_kg).all(|(now, before)| *now >= before));
         let all = |s: &Snapshot| s.mass_kg + s.chamber_gas_kg + s.expelled_kg.iter().sum::<f64>();
         let start = *start.get_or_insert_with(|| all(before));
