@@ -23,7 +23,9 @@
 //! limit of the Dahl and LuGre models (Olsson et al., Friction Models and Friction Compensation, 1998). Static
 //! and sliding friction are the same. A servo that is told to go to a stop pushes on until it is there.
 //!
-//! Play is a hysteresis behind the servo. Both are remembered between steps, in [`ServoMemory`].
+//! Play is a hysteresis behind the servo: within it what the servo moves stands still, beyond it follows. Which of
+//! the two is decided between steps and holds during one. When play is taken up the output's rate jumps to
+//! the servo's, and what it hangs on feels a blow (`plant/play.rs`). Both are remembered in [`ServoMemory`].
 
 use crate::time::SimTime;
 use std::collections::VecDeque;
@@ -105,6 +107,8 @@ pub struct Servo {
 pub struct ServoMemory {
     /// Where the play was left: the angle of what the servo moves (rad).
     pub held_rad: f64,
+    /// From servo to what it moves while the play is taken up (rad); `None`: inside the play.
+    pub taken_up_rad: Option<f64>,
     /// Where friction holds the servo (rad).
     pub anchor_rad: f64,
 }
@@ -112,7 +116,7 @@ pub struct ServoMemory {
 impl ServoMemory {
     /// At rest at an angle, in the middle of the play.
     pub fn at(angle_rad: f64) -> Self {
-        Self { held_rad: angle_rad, anchor_rad: angle_rad }
+        Self { held_rad: angle_rad, taken_up_rad: None, anchor_rad: angle_rad }
     }
 }
 
@@ -178,20 +182,18 @@ impl Servo {
         ServoRate { rate_rad_s: rate, acceleration_rad_s2 }
     }
 
-    /// What moves behind the play, given where it was left.
+    /// What moves behind the play.
     #[inline]
     pub fn output(&self, state: &ServoState, rate: &ServoRate, memory: &ServoMemory) -> ServoOutput {
-        let held_rad = memory.held_rad;
-        let half = 0.5 * self.backlash_rad;
-        let (low, high) = (state.angle_rad - half, state.angle_rad + half);
-        if self.backlash_rad > 0.0 && held_rad > low && held_rad < high {
-            return ServoOutput { angle_rad: held_rad, rate_rad_s: 0.0, acceleration_rad_s2: 0.0 };
-        }
-        ServoOutput {
-            angle_rad: held_rad.min(high).max(low),
-            rate_rad_s: rate.rate_rad_s,
-            acceleration_rad_s2: rate.acceleration_rad_s2,
-        }
+        let angle_rad = match memory.taken_up_rad {
+            _ if self.backlash_rad <= 0.0 => state.angle_rad,
+            Some(offset_rad) => state.angle_rad + offset_rad,
+            None => {
+                let angle_rad = memory.held_rad;
+                return ServoOutput { angle_rad, ..ServoOutput::default() };
+            }
+        };
+        ServoOutput { angle_rad, rate_rad_s: rate.rate_rad_s, acceleration_rad_s2: rate.acceleration_rad_s2 }
     }
 
     /// Where play and friction leave the servo after a step.
@@ -199,8 +201,18 @@ impl Servo {
     pub fn memory_after(&self, angle_rad: f64, memory: &ServoMemory) -> ServoMemory {
         let root = self.stick_over_loop();
         let within = |held_rad: f64, half: f64| held_rad.min(angle_rad + half).max(angle_rad - half);
+        let half = 0.5 * self.backlash_rad;
+        let held_rad = within(memory.held_rad, half);
         ServoMemory {
-            held_rad: within(memory.held_rad, 0.5 * self.backlash_rad),
+            held_rad,
+            // Taken up where the servo moved it; a servo that turns round leaves it.
+            taken_up_rad: if self.backlash_rad <= 0.0 || held_rad == memory.held_rad {
+                None
+            } else if held_rad > memory.held_rad {
+                Some(-half)
+            } else {
+                Some(half)
+            },
             anchor_rad: within(memory.anchor_rad, self.friction_rad / root / root),
         }
     }
@@ -452,17 +464,23 @@ mod tests {
         let mut memory = ServoMemory::default();
         let mut at = |angle_rad: f64| {
             let state = ServoState { angle_rad, rate_rad_s: 0.3 };
-            let output = servo.output(&state, &servo.rate(&state, angle_rad, &memory), &memory);
             memory = servo.memory_after(angle_rad, &memory);
+            let output = servo.output(&state, &servo.rate(&state, angle_rad, &memory), &memory);
             assert!((output.angle_rad - memory.held_rad).abs() < 1e-15);
+            // Within the step that follows it goes with the servo or stays.
+            let moved = ServoState { angle_rad: angle_rad + 1e-4, ..state };
+            let along = servo.output(&moved, &servo.rate(&moved, angle_rad, &memory), &memory).angle_rad;
+            let follows = if output.rate_rad_s == 0.0 { 0.0 } else { 1e-4 };
+            assert!((along - output.angle_rad - follows).abs() < 1e-15);
             (output.angle_rad, output.rate_rad_s)
         };
         assert_eq!(at(0.004), (0.0, 0.0));
         assert_eq!(at(0.020), (0.015, 0.3));
         assert_eq!(at(0.012), (0.015, 0.0));
         assert_eq!(at(0.005), (0.010, 0.3));
+        assert_eq!(at(0.005), (0.010, 0.0));
         let state = ServoState { angle_rad: 0.02, rate_rad_s: 0.3 };
-        let memory = ServoMemory::default();
+        let memory = GIMBAL.memory_after(state.angle_rad, &ServoMemory::default());
         let output = GIMBAL.output(&state, &GIMBAL.rate(&state, 0.1, &memory), &memory);
         assert_eq!((output.angle_rad, output.rate_rad_s), (0.02, 0.3));
         assert!(output.acceleration_rad_s2 > 0.0);

@@ -71,6 +71,15 @@ impl Default for Disturbance {
 }
 
 impl Disturbance {
+    /// Stream of its noise, by its name or else its place.
+    fn stream(&self, index: usize) -> String {
+        if self.name.is_empty() {
+            format!("disturbance.{index}")
+        } else {
+            format!("disturbance.{}", self.name)
+        }
+    }
+
     /// # Errors
     /// When the entry does nothing.
     pub fn validate(&self) -> Result<(), Invalid> {
@@ -82,6 +91,12 @@ impl Disturbance {
             point_m: self.point_m,
             ..Self::default()
         };
+        if self.duration_s == Some(0.0) {
+            return Err(Invalid::new(
+                "duration_s",
+                "0 disturbs nothing: give it a time, or none for all of the flight",
+            ));
+        }
         if *self == idle {
             return Err(Invalid::new(
                 "",
@@ -95,6 +110,26 @@ impl Disturbance {
         let since_s = mission_s - self.start_s;
         since_s >= 0.0 && self.duration_s.is_none_or(|duration_s| since_s < duration_s)
     }
+}
+
+/// Checks the entries of a scenario, each and beside each other.
+///
+/// # Errors
+/// When one does nothing, or two have one name.
+pub fn validate(entries: &[Disturbance]) -> Result<(), Invalid> {
+    for (index, entry) in entries.iter().enumerate() {
+        entry.validate().map_err(|fault| fault.within(&index.to_string()))?;
+        let stream = entry.stream(index);
+        if let Some(first) = (0..index).find(|&first| entries[first].stream(first) == stream) {
+            return Err(Invalid::new(
+                format!("{index}.name"),
+                format!(
+                    "entry {first} has this name too, and the noise that follows from it: each needs its own"
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The sum of all that acts now.
@@ -137,12 +172,7 @@ impl Disturbances {
     /// From the entries of a scenario and the seed of the run.
     pub fn new(entries: &[Disturbance], seed: u64) -> Self {
         let running = entries.iter().enumerate().map(|(index, entry)| {
-            let name = if entry.name.is_empty() {
-                format!("disturbance.{index}")
-            } else {
-                format!("disturbance.{}", entry.name)
-            };
-            let mut stream = stream(seed, &name);
+            let mut stream = stream(seed, &entry.stream(index));
             let time_constant_s = 1.0 / (core::f64::consts::TAU * entry.thrust_noise_corner_hz);
             let noise = GaussMarkov::new(entry.thrust_noise_std, time_constant_s, &mut stream);
             Running { entry: entry.clone(), noise, stream, acts: false }
@@ -270,10 +300,24 @@ mod tests {
         assert!((share(&[noisy("b"), noisy("a")]) - (a + b)).abs() < 1e-15);
     }
 
+    /// One name is one stream of noise: two such entries would add as 2 σ, not as √2 σ.
+    #[test]
+    fn names_differ() {
+        let noisy =
+            |name: &str| Disturbance { name: name.to_owned(), thrust_noise_std: 0.1, ..Default::default() };
+        assert!(validate(&[noisy("a"), noisy("b"), noisy(""), noisy("")]).is_ok());
+        assert_eq!(validate(&[noisy("b"), noisy("a"), noisy("b")]).unwrap_err().key, "2.name");
+        // Nameless, the second is "1".
+        assert_eq!(validate(&[noisy("1"), noisy("")]).unwrap_err().key, "1.name");
+    }
+
     #[test]
     fn an_entry_that_does_nothing_is_a_mistake() {
         let idle = Disturbance { name: "x".to_owned(), point_m: [1.0, 0.0, 0.0], ..Default::default() };
         assert!(idle.validate().is_err());
-        assert!(Disturbance { thrust_bias: 0.01, ..idle }.validate().is_ok());
+        let biased = Disturbance { thrust_bias: 0.01, ..idle };
+        assert!(biased.validate().is_ok());
+        let brief = Disturbance { duration_s: Some(0.0), ..biased };
+        assert_eq!(brief.validate().unwrap_err().key, "duration_s");
     }
 }

@@ -226,12 +226,24 @@ impl Document {
         InputError { file: self.file.clone(), faults }
     }
 
-    /// Line of the key at a dotted path, or of the nearest table above it that the text has.
-    fn line_of(&self, path: &str) -> Option<usize> {
+    /// File and line of the key at a path, or of the nearest table above it: `FILE:LINE`.
+    pub fn place_of(&self, path: &[&str]) -> String {
+        match self.line_at_path(path.iter().copied()) {
+            Some(line) => format!("{}:{line}", self.file),
+            None => self.file.clone(),
+        }
+    }
+
+    fn line_of(&self, dotted: &str) -> Option<usize> {
+        self.line_at_path(dotted.split('.'))
+    }
+
+    /// Line of the key at a path, or of the nearest table above it that the text has.
+    fn line_at_path<'a>(&self, path: impl Iterator<Item = &'a str>) -> Option<usize> {
         let table = DeTable::parse(&self.text).ok()?;
         let mut offset = None;
         let mut at: Option<&DeValue<'_>> = None;
-        for part in path.split('.') {
+        for part in path {
             let found = match at {
                 None => table.get_ref().get_key_value(part),
                 Some(DeValue::Table(inner)) => inner.get_key_value(part),
@@ -487,12 +499,12 @@ pub fn explain(schema: &Schema, path: &str) -> Option<String> {
     if least.is_some() || most.is_some() {
         lines.push(format!("  allowed: {} each", range(least, most)));
     }
-    let choices: Vec<Json> = match either("enum").and_then(Json::as_array) {
-        Some(all) => all.clone(),
-        None => alternatives(node).into_iter().flatten().filter_map(|a| a.get("const").cloned()).collect(),
-    };
+    let choices = choices(&walk, node);
     if !choices.is_empty() {
-        lines.push(format!("  one of: {}", list(&choices)));
+        let values: Vec<Json> = choices.iter().map(|(value, _)| value.clone()).collect();
+        lines.push(format!("  one of: {}", list(&values)));
+        let described = choices.iter().filter_map(|(value, text)| Some((value, (*text)?)));
+        lines.extend(described.map(|(value, text)| format!("    {value}: {}", text.replace('\n', " "))));
     }
     if let Some(default) = either("default") {
         lines.push(format!("  default: {default}"));
@@ -501,6 +513,19 @@ pub fn explain(schema: &Schema, path: &str) -> Option<String> {
         lines.push(format!("  keys: {}", properties.keys().cloned().collect::<Vec<_>>().join(", ")));
     }
     Some(lines.join("\n"))
+}
+
+/// The values that a node may have, where they are listed, and what each means.
+fn choices<'a>(walk: &Walk<'a>, node: &'a Json) -> Vec<(Json, Option<&'a str>)> {
+    if let Some(value) = node.get("const") {
+        return vec![(value.clone(), node.get("description").and_then(Json::as_str))];
+    }
+    // A list, or an optional value, has the choices of what is in it.
+    let of_items = node.get("items").map(|items| choices(walk, walk.resolve(items)));
+    let listed = node.get("enum").and_then(Json::as_array).into_iter().flatten();
+    let listed = listed.map(|value| (value.clone(), None));
+    let below = alternatives(node).into_iter().flatten().flat_map(|a| choices(walk, walk.resolve(a)));
+    of_items.unwrap_or_default().into_iter().chain(listed).chain(below).collect()
 }
 
 #[cfg(test)]
@@ -516,6 +541,7 @@ mod tests {
         parts: Vec<Inner>,
         choice: Choice,
         spare: Option<Inner>,
+        second: Option<Choice>,
     }
 
     #[derive(Debug, Deserialize, JsonSchema)]
@@ -549,7 +575,7 @@ mod tests {
         let outer: Outer = Document::parse("f.toml", GOOD).unwrap().read().unwrap();
         assert_eq!((outer.inner.length_m, outer.parts[1].axis[1]), (1.0, 0.5));
         assert_eq!(outer.choice, Choice::FirstKind);
-        assert!(outer.spare.is_none());
+        assert!(outer.spare.is_none() && outer.second.is_none());
     }
 
     #[test]
@@ -605,5 +631,10 @@ mod tests {
         assert!(list.contains("allowed: -1 to 1 each"), "{list}");
         assert!(explain(&schemars::schema_for!(Outer), "spare.length_m").is_some());
         assert!(explain(&schemars::schema_for!(Outer), "inner.nothing").is_none());
+        for key in ["choice", "second"] {
+            let choice = explain(&schemars::schema_for!(Outer), key).unwrap();
+            let listed = "one of: \"first_kind\", \"second_kind\"\n    \"first_kind\": One.\n    \"second_kind\": Two.";
+            assert!(choice.contains(listed), "{choice}");
+        }
     }
 }

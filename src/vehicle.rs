@@ -257,6 +257,9 @@ impl VehicleFile {
         let (tank, regulator) = (&self.feed.tank, &self.pressurant.regulator);
         note(regulator.validate(), "pressurant.regulator");
         note(tank.ullage.validate(tank.pressure_pa, tank.temperature_k, regulator), "feed.tank.ullage");
+        if self.slosh.second_mode && self.slosh.model != SloshModel::TwoWay {
+            note(Err(Invalid::new("", "true needs slosh.model = \"two_way\"")), "slosh.second_mode");
+        }
         note(self.rcs.validate(), "rcs");
         note(self.sensors.validate(), "sensors");
         note(self.controls.validate(), "controls");
@@ -348,6 +351,15 @@ impl GasSupply {
         match self {
             Self::Distributed(nitrogen) => nitrogen,
             Self::Balanced(view) => &view.nitrogen,
+        }
+    }
+
+    /// Mass share of vapour in the gas above the liquid.
+    #[inline]
+    pub fn vapor_share(&self) -> f64 {
+        match self {
+            Self::Distributed(_) => 0.0,
+            Self::Balanced(view) => view.vapor_share(),
         }
     }
 
@@ -539,7 +551,11 @@ impl Vehicle {
     pub fn keep_to_the_paper(&mut self) {
         self.slosh.model = SloshModel::OneWayPaper;
         self.slosh.hardening_law = HardeningLaw::PerAxis;
+        self.slosh.second_mode = false;
         self.slosh.baffle_damping_ratio = 0.0;
+        // The paper's liquid is a solid column.
+        self.slosh.roll_inertia_factor = 1.0;
+        self.mass.set_roll_inertia_factor(1.0);
         self.gimbal.engine_inertia = false;
         self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
         self.engine_parameters.grain.fuel_flow_lag_s = 0.0;

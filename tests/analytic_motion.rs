@@ -347,8 +347,8 @@ fn driven_planar_motion_goes_over_into_rotary_motion_beyond_its_amplitude() {
 
 #[test]
 fn a_baffle_damps_by_the_root_of_the_amplitude() {
-    // ζ = ζ_b (a/R)^(1/2) alone: a' = -ω ζ a, hence a^(-1/2) grows by ω ζ_b/(2 R^(1/2)) a second. The average over a
-    // period is good to ζ, 1 %, of the decay.
+    // ζ = ζ_b (η/R)^(1/2) alone, η = 1.541 a in a deep tank: a' = -ω ζ a, hence a^(-1/2) grows by
+    // 1.541^(1/2) ω ζ_b/(2 R^(1/2)) a second. The average over a period is good to ζ, 1 %, of the decay.
     let mut reference = reference_vehicle();
     reference.slosh.baffle_damping_ratio = 0.05;
     let mut mode = full_mode(&reference, G_M_S2);
@@ -364,8 +364,39 @@ fn a_baffle_damps_by_the_root_of_the_amplitude() {
     let speed = state.0.velocity_body_m_s.x / omega;
     let amplitude = libm::hypot(state.0.displacement_body_m.x, speed);
     let gained = (1.0 / amplitude).sqrt() - (1.0 / start).sqrt();
-    let expected = 10.0 * omega * 0.05 / (2.0 * radius.sqrt());
+    let expected = 10.0 * omega * 0.05 * 1.5408_f64.sqrt() / (2.0 * radius.sqrt());
     assert!((gained / expected - 1.0).abs() < 0.01, "{gained} against {expected}");
+}
+
+#[test]
+fn a_baffle_takes_the_wave_at_the_wall_that_gives_the_same_force() {
+    // Pressure of the first mode's wave η cos θ on the wall, ρ g η cos θ cosh(kz)/cosh(kh), summed over the wall by
+    // Simpson's rule, against the spring's force; then ζ = ζ_b (η/R)^(1/2), Miles.
+    let mut reference = reference_vehicle();
+    (reference.slosh.baffle_damping_ratio, reference.slosh.second_mode) = (0.05, true);
+    let tank = *reference.model.tank();
+    let (radius, rho, k) =
+        (tank.radius_m, FULL.nitrous_density_kg_m3, 1.841_183_781_340_659_4 / tank.radius_m);
+    for height in [0.2 * radius, radius, 3.0 * radius] {
+        let mass = rho * core::f64::consts::PI * radius * radius * height;
+        let [first, second] = reference.slosh.modes(&tank, mass, rho, G_M_S2);
+        let (first, second) = (first.unwrap(), second.unwrap());
+        let share = |z: f64| libm::cosh(k * z) / libm::cosh(k * height);
+        let n = 200;
+        let dz = height / f64::from(n);
+        let column = (0..n).map(|i| {
+            let z = f64::from(i) * dz;
+            dz / 6.0 * (share(z) + 4.0 * share(z + 0.5 * dz) + share(z + dz))
+        });
+        // ∫ cos² θ over the circumference is π.
+        let force_per_wave = rho * G_M_S2 * radius * core::f64::consts::PI * column.sum::<f64>();
+        let wave = first.mass_kg * first.stiffness_1_s2 * 0.01 / force_per_wave;
+        let omega = first.stiffness_1_s2.sqrt();
+        let got = first.baffle_rate * (omega * 0.01).sqrt() / (2.0 * omega);
+        // Simpson over 200 intervals: (k dz)⁴/2880, 1e-9.
+        assert!((got / (0.05 * (wave / radius).sqrt()) - 1.0).abs() < 1e-8, "{got}");
+        assert_eq!(second.baffle_rate, 0.0);
+    }
 }
 
 #[test]

@@ -1,15 +1,21 @@
-//! What holds over whole flights: pressure, fuel, nitrogen and mass of the hop, and how far a flight at 5 ms lies
-//! from the converged one.
+//! What holds over whole flights: pressure, fuel, nitrogen and mass of the hop, how far a flight at 5 ms lies
+//! from the converged one, and what play and friction of the gimbal do to the whole vehicle.
 
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
 mod files;
 
+use hopbench::dynamics::Load;
+use hopbench::dynamics::mass::{Contents, ContentsRate, FlowTerms};
+use hopbench::dynamics::rigid_body::{Balance, GimbalMotion, Swing, momentum};
+use hopbench::dynamics::slosh::SloshState;
+use hopbench::frame::Vec3;
 use hopbench::plant::{Plant, Snapshot};
-use hopbench::scenario::Scenario;
+use hopbench::scenario::{Scenario, Schedule};
 use hopbench::simulation::fly;
 use hopbench::time::SimTime;
+use nalgebra::Vector2;
 
 /// Every step of a scenario flown to its end.
 fn watch(scenario: &Scenario, mut look: impl FnMut(&Snapshot, &Snapshot)) {
@@ -139,4 +145,145 @@ fn the_centre_of_mass_falls_and_rises_again() {
         least.0, least.1
     );
     assert!(least.0 < first - 5e-3 && least.0 < last - 1e-3, "{first} {least:?} {last}");
+}
+
+/// Free, in no gravity and no air, with the gimbal's servo and the engine's inertia.
+fn gimballed(engine: &str, keys: &[(&str, &str)], schedule: &str) -> Scenario {
+    let mut all = vec![
+        ("initial.engine", engine),
+        ("actuators.gimbal", "\"servo\""),
+        ("model.gimbal_inertia", "true"),
+        ("vehicle.site.gravity_m_s2", "0.0"),
+        ("vehicle.site.air_density_kg_m3", "0.0"),
+    ];
+    all.extend(keys);
+    let mut scenario = files::scenario("open_loop_a", &all);
+    scenario.schedule = Some(Schedule::parse(schedule).unwrap());
+    scenario
+}
+
+/// Linear momentum, and angular momentum about the world's origin, of the plant as it stands; `before` a step earlier.
+/// The engine moves with its servo where its angle has changed.
+fn momentum_of(scenario: &Scenario, plant: &Plant, before: &Snapshot) -> (Vec3, Vec3) {
+    let (state, now, vehicle) = (plant.state(), plant.snapshot(), &scenario.vehicle);
+    let contents = Contents {
+        nitrous_kg: now.nitrous_kg,
+        nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
+        port_radius_m: now.port_radius_m,
+        nitrogen_run_tank_kg: now.nitrogen_ullage_kg,
+        nitrogen_bottle_kg: now.nitrogen_bottle_kg,
+    };
+    let mass = vehicle.mass.evaluate(&contents, &ContentsRate::default());
+    let modes = vehicle.slosh.modes(vehicle.mass.tank(), now.nitrous_kg, vehicle.nitrous_density_kg_m3, 0.0);
+    let slosh =
+        SloshState { displacement_body_m: state.slosh_m.xy(), velocity_body_m_s: state.slosh_m_s.xy() };
+    let follows = |axis: usize| now.gimbal_rad[axis] != before.gimbal_rad[axis];
+    let rate = |axis: usize| if follows(axis) { state.gimbal_rad_s[axis] } else { 0.0 };
+    let gimbal = GimbalMotion {
+        angle_rad: Vector2::from(now.gimbal_rad),
+        rate_rad_s: Vector2::new(rate(0), rate(1)),
+        ..GimbalMotion::default()
+    };
+    let balance = Balance {
+        vehicle: &mass.vehicle,
+        flow: &FlowTerms::none(),
+        rate_body_rad_s: state.rate_body_rad_s,
+        load: Load::NONE,
+        slosh: [modes[0].as_ref().map(|mode| (mode, &slosh)), None],
+        swing: Some(Swing { part: &mass.swinging, gimbal }),
+    };
+    let attitude = state.attitude();
+    let (linear, angular) = momentum(&balance, attitude.inverse() * state.velocity_ned_m_s);
+    let linear = attitude * linear;
+    (linear, state.position_ned_m.cross(&linear) + attitude * angular)
+}
+
+/// Without the blow of play that is taken up the body would keep a rate of some 0.1 rad/s, 2 N m s.
+#[test]
+fn play_of_the_gimbal_leaves_momentum_alone() {
+    let schedule = "time_s,valve_deg,gimbal_x_deg,gimbal_y_deg\n0.0,0.0,0.0,0.0\n0.1,0.0,3.0,-1.0\n0.6,0.0,-2.0,2.0\n1.1,0.0,3.0,0.0\n";
+    for model in ["\"frozen\"", "\"two_way\""] {
+        for backlash in ["0.0", "0.002", "0.005", "0.02", "0.1"] {
+            let keys = [("vehicle.gimbal.backlash_rad", backlash), ("vehicle.slosh.model", model)];
+            let scenario = gimballed("\"off\"", &keys, schedule);
+            let mut plant = Plant::new(&scenario).unwrap();
+            let (mut linear, mut angular, mut taken_up) = (0.0f64, 0.0f64, 0);
+            let mut fastest = 0.0f64;
+            while plant.time() < SimTime::from_s(2.0) {
+                let before = *plant.snapshot();
+                plant.step(scenario.schedule.as_ref().unwrap().at(plant.time()));
+                let (p, h) = momentum_of(&scenario, &plant, &before);
+                (linear, angular) = (linear.max(p.norm()), angular.max(h.norm()));
+                let now = plant.snapshot();
+                let moves = now.gimbal_rad != before.gimbal_rad;
+                taken_up += u32::from(moves);
+                fastest = fastest.max(now.rate_body_rad_s.norm());
+            }
+            let end = plant.state().rate_body_rad_s.norm();
+            println!(
+                "{model} backlash {backlash}: {linear:.1e} N s, {angular:.1e} N m s; body up to {fastest:.2e}, in the end {end:.1e} rad/s"
+            );
+            assert!(taken_up > 50 && fastest > 1e-2, "it moves");
+            // RK4 at 1 ms over kinks of the servo's limits; the engine's own is up to 2 N m s.
+            assert!(linear < 1e-7 && angular < 1e-7, "{model} {backlash}: {linear:e} {angular:e}");
+            if model == "\"frozen\"" {
+                assert!(end < 1e-7, "{end:e}");
+            }
+        }
+    }
+}
+
+/// The engine's inertia pushes to and fro: once it rests, the vehicle's rate is what the side force alone has made.
+#[test]
+fn play_leaves_the_side_force_alone() {
+    let schedule = "time_s,valve_deg,gimbal_x_deg\n0.0,30.0,0.0\n0.1,30.0,3.0\n0.4,30.0,-3.0\n0.7,30.0,0.0\n";
+    let flown = |backlash: &str, inertia: &str| {
+        let keys = [
+            ("vehicle.gimbal.backlash_rad", backlash),
+            ("model.gimbal_inertia", inertia),
+            ("vehicle.slosh.model", "\"frozen\""),
+        ];
+        let scenario = gimballed("\"running\"", &keys, schedule);
+        let mut plant = Plant::new(&scenario).unwrap();
+        let mut most = 0.0f64;
+        while plant.time() < SimTime::from_s(1.2) {
+            plant.step(scenario.schedule.as_ref().unwrap().at(plant.time()));
+            most = most.max(plant.state().rate_body_rad_s.x);
+        }
+        (plant.state().rate_body_rad_s.x, most)
+    };
+    for backlash in ["0.0", "0.002", "0.005", "0.02"] {
+        let ((with, most), (without, _)) = (flown(backlash, "true"), flown(backlash, "false"));
+        println!("backlash {backlash}: {with:.6} rad/s, {without:.6} without inertia, up to {most:.3}");
+        // What is left is the engine's weight under thrust: its centre moves aside by its share of the mass.
+        assert!((with - without).abs() < 0.01 * most, "{with} {without}");
+    }
+}
+
+/// What friction holds back in the whole vehicle: a command below it moves the gimbal by a 26th, a greater one is
+/// met within it, from either side.
+#[test]
+fn friction_of_the_gimbal_leaves_its_own_error() {
+    let schedule =
+        "time_s,valve_deg,gimbal_x_deg\n0.0,25.0,0.05\n1.0,25.0,2.0\n2.0,25.0,1.0\n3.0,25.0,-1.5\n";
+    let scenario = gimballed("\"running\"", &[("vehicle.gimbal.friction_rad", "0.002")], schedule);
+    let mut plant = Plant::new(&scenario).unwrap();
+    for (until_s, command_deg, most_rad) in
+        [(1.0, 0.05, 0.05f64.to_radians()), (2.0, 2.0, 2e-3), (3.0, 1.0, 2e-3), (4.0, -1.5, 2e-3)]
+    {
+        while plant.time() < SimTime::from_s(until_s) {
+            plant.step(scenario.schedule.as_ref().unwrap().at(plant.time()));
+        }
+        let got = plant.snapshot().gimbal_rad[0];
+        let error = f64::to_radians(command_deg) - got;
+        println!("{command_deg} deg: error {:.3} mrad", 1e3 * error);
+        assert!(error.abs() < most_rad * (1.0 + 1e-9), "{error}");
+        if command_deg == 0.05 {
+            // The spring that sticks is 25 times as stiff as the loop.
+            assert!((got - f64::to_radians(0.05) / 26.0).abs() < 1e-9, "{got}");
+        } else {
+            // It does not come home: friction leaves something.
+            assert!(error.abs() > 1e-5, "{error}");
+        }
+    }
 }

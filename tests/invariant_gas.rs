@@ -53,6 +53,51 @@ fn hop(overrides: &[(&str, &str)]) -> (Snapshot, [f64; 2]) {
     (s, tank_pa)
 }
 
+/// Every gram that the vehicle lost stands under one key of the report: nitrogen that followed the liquid through the
+/// engine, vapour that is still on board and so is not used.
+#[test]
+fn the_report_says_where_the_mass_went() {
+    let stand = ("duration_s", "8.0");
+    let vapor = ("vehicle.feed.tank.ullage.vapor_conductance_kg_s_pa", "1");
+    let vented = ("vehicle.feed.tank.ullage.vapor_saturation", "0.5");
+    for (name, overrides) in [
+        ("static_fire_100", vec![stand]),
+        ("static_fire_100", vec![stand, ULLAGE, vapor, SATURATED]),
+        ("hover_5m", vec![ULLAGE, vapor, vented]),
+        ("hover_5m", vec![TWO_PHASE]),
+        ("hover_5m", vec![]),
+    ] {
+        let (mut first, mut last, mut gas_alone) = (None, None, 0.0);
+        let report = simulation::fly(&scenario(name, &overrides), 1, |s| {
+            first.get_or_insert(*s);
+            last = Some(*s);
+            if s.nitrous_kg < 1e-4 && s.oxidizer_kg_s > 0.01 {
+                gas_alone = s.quality;
+            }
+        })
+        .unwrap()
+        .report(false);
+        let (p, m) = (report.propellant, report.mass);
+        println!("{name} {overrides:?}: {p:?}, {m:?}");
+        let gone = p.nitrous_used_kg
+            + p.fuel_used_kg
+            + p.nitrogen_rcs_kg
+            + p.nitrogen_vented_kg
+            + p.nitrogen_nozzle_kg;
+        // Mass closure, and the rounding of a few sums.
+        assert!((m.initial_kg - m.final_kg - gone).abs() < 1e-9 * m.initial_kg, "{name}: {gone} {m:?}");
+        let (first, last) = (first.unwrap(), last.unwrap());
+        assert_eq!(p.nitrous_vapor_kg, last.nitrous_vapor_kg);
+        let on_board_kg = first.nitrous_kg + first.nitrous_vapor_kg;
+        let accounted = p.nitrous_used_kg + p.nitrous_left_kg + p.nitrous_vapor_kg;
+        assert!((on_board_kg - accounted).abs() < 1e-12 * on_board_kg);
+        let stand = name == "static_fire_100";
+        assert_eq!(p.nitrogen_nozzle_kg > 0.1, stand, "{name}: {p:?}");
+        // Once gas alone flows, all of it is gas.
+        assert!(!stand || gas_alone > 0.999, "{gas_alone}");
+    }
+}
+
 #[test]
 fn the_hop_lands_with_each_model_and_with_all() {
     let (reference, _) = hop(&[]);

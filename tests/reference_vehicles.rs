@@ -135,12 +135,24 @@ fn every_number_of_a_vehicle_has_a_basis() {
             section = line;
         }
         let (key, value) = line.split_once(" = ").unwrap_or((line, ""));
-        let numeric = value.trim_start().starts_with(|c: char| c.is_ascii_digit() || c == '-');
-        let explained =
-            ["[engine", "[feed.", "[pressurant", "[gimbal", "[rcs]", "[aero", "[slosh", "[landing"];
+        let numeric = value.trim_start().starts_with(|c: char| c.is_ascii_digit() || "-[".contains(c));
+        let explained = [
+            "[engine",
+            "[feed.",
+            "[pressurant",
+            "[gimbal",
+            "[rcs]",
+            "[aero",
+            "[slosh",
+            "[landing",
+            "[hold_down",
+            "[site",
+            "[sensors",
+            "[[sensors",
+            "[paper_mode",
+        ];
         if numeric && !key.contains('#') && explained.iter().any(|s| section.starts_with(s)) {
-            let exempt = ["reference_pressure_pa", "quasi_steady_below_s"].contains(&key.trim());
-            assert!(exempt || line.contains("basis:") || line.contains("CONFLICT"), "line {}: {line}", i + 1);
+            assert!(line.contains("basis:") || line.contains("CONFLICT"), "line {}: {line}", i + 1);
         }
     }
 }
@@ -273,7 +285,7 @@ fn static_fires_have_the_shape_that_is_written_down() {
         assert!((shape.rise_s - published_s).abs() < 0.09, "{} s against {published_s}", shape.rise_s);
     }
     // Spike as the liquid ends, published 0.15, 0.28, 0.16, and gas that follows.
-    for (shape, spike, tail) in [(&low, 0.154, 0.05), (&half, 0.038, 0.07), (&full, 0.010, 0.07)] {
+    for (shape, spike, tail) in [(&low, 0.155, 0.034), (&half, 0.038, 0.046), (&full, 0.010, 0.050)] {
         assert!((shape.spike - spike).abs() < 0.01, "{}", shape.spike);
         assert!((shape.tail - tail).abs() < 0.01, "{}", shape.tail);
     }

@@ -34,6 +34,14 @@ pub fn contradiction(file: &Path, fault: hopbench::input::Invalid) -> InputError
     }
 }
 
+/// Refuses a scenario that nobody can fly.
+pub fn flyable(file: &Path, scenario: &Scenario) -> Result<(), InputError> {
+    if scenario.schedule.is_none() && !scenario.file.sensors.enabled {
+        return Err(unusable(file, "sensors.enabled = false needs a command schedule"));
+    }
+    Ok(())
+}
+
 /// Text of an input file.
 pub fn text(path: &Path) -> Result<String, InputError> {
     std::fs::read_to_string(path).map_err(|e| unusable(path, e.to_string()))
@@ -102,7 +110,7 @@ pub fn scenario(path: &Path, overrides: &Overrides, commands: Option<&Path>) -> 
     let folder = path.parent().unwrap_or(Path::new("."));
     let vehicle_path = folder.join(&file.vehicle);
     let mut vehicle_document = document(&vehicle_path)?;
-    file.set_vehicle(flight.file(), &mut vehicle_document)?;
+    file.set_vehicle(&flight, &mut vehicle_document)?;
     for (key, value) in vehicle_overrides {
         vehicle_document.set_given(&format!("vehicle.{key}"), key, value)?;
     }

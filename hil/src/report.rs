@@ -83,8 +83,16 @@ pub fn summary(report: &Report) -> String {
         ));
     }
     let p = &report.propellant;
+    let vapor = match p.nitrous_vapor_kg {
+        kg if kg >= 5e-4 => format!(", {kg:.3} as vapour"),
+        _ => String::new(),
+    };
+    let through = match p.nitrogen_nozzle_kg {
+        kg if kg >= 5e-4 => format!(", {kg:.3} through the engine"),
+        _ => String::new(),
+    };
     line(format!(
-        "used           N2O {:.3} kg ({:.3} left), fuel {:.3} kg ({:.3} left), nitrogen {:.3} kg by thrusters, {:.3} vented",
+        "used           N2O {:.3} kg ({:.3} left{vapor}), fuel {:.3} kg ({:.3} left), nitrogen {:.3} kg by thrusters, {:.3} vented{through}",
         p.nitrous_used_kg,
         p.nitrous_left_kg,
         p.fuel_used_kg,

@@ -25,8 +25,8 @@ pub struct Point {
     pub oxidizer_kg_s: f64,
     /// Fuel flow (kg/s).
     pub fuel_kg_s: f64,
-    /// Oxidiser over fuel.
-    pub of_ratio: f64,
+    /// Oxidiser over fuel; `None`, null in JSON, of a flow without fuel.
+    pub of_ratio: Option<f64>,
     /// Chamber pressure (Pa).
     pub chamber_pa: f64,
     /// Pressure between valve and injector (Pa).
@@ -49,7 +49,7 @@ impl Point {
             valve_area_m2: vehicle.engine.valve_area().area_m2(valve_rad),
             oxidizer_kg_s: point.oxidizer_kg_s,
             fuel_kg_s: point.fuel_kg_s,
-            of_ratio: point.of_ratio,
+            of_ratio: (point.fuel_kg_s > 0.0 || point.oxidizer_kg_s == 0.0).then_some(point.of_ratio),
             chamber_pa: point.chamber_pa,
             injector_inlet_pa: point.injector_inlet_pa,
             quality: point.quality,
@@ -72,7 +72,7 @@ pub struct Demanded {
     pub point: Point,
     /// In flight a lit engine is held at the least thrust command instead.
     pub below_minimum_command: bool,
-    /// The mixture ratio lies outside the propulsion map, whose end holds.
+    /// The mixture ratio lies outside the propulsion map, whose end holds; always so without fuel.
     pub of_clamped: bool,
     /// State of the nozzle: "full", "separated", "unchoked" or "off".
     pub nozzle: &'static str,
@@ -128,7 +128,7 @@ impl ThrottleMap {
                     throttle_percent,
                     thrust_command_n,
                     below_minimum_command: thrust_command_n < rating.thrust_command_min_n,
-                    of_clamped: !(least_of..=most_of).contains(&point.of_ratio),
+                    of_clamped: point.fuel_kg_s <= 0.0 || !(least_of..=most_of).contains(&point.of_ratio),
                     nozzle: match point.nozzle_flow {
                         NozzleFlow::Full => "full",
                         NozzleFlow::Separated => "separated",
@@ -155,7 +155,7 @@ impl ThrottleMap {
         }
     }
 
-    /// The table as comma-separated values, columns as the keys of a point.
+    /// The table as comma-separated values, columns as the keys of a point; a field is empty where a key is null.
     pub fn csv(&self) -> String {
         let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,of_ratio,chamber_pa,\
              injector_inlet_pa,quality,thrust_n,isp_s,saturated,below_minimum_command,of_clamped,nozzle\n"
@@ -170,7 +170,7 @@ impl ThrottleMap {
                 p.valve_area_m2,
                 p.oxidizer_kg_s,
                 p.fuel_kg_s,
-                p.of_ratio,
+                p.of_ratio.map_or(String::new(), |of_ratio| of_ratio.to_string()),
                 p.chamber_pa,
                 p.injector_inlet_pa,
                 p.quality,
@@ -253,7 +253,7 @@ impl ThrottleMap {
     fn draw_panel(&self, area: &Area<'_>, panel: &Panel, labelled: bool) -> Drawn {
         let last = self.points.last().map_or(1.0, |p| p.throttle_percent);
         let high = self.points.iter().map(|p| (panel.value)(&p.point)).fold(0.0, f64::max);
-        let top = if high > 0.0 { 1.08 * high } else { 1.0 };
+        let top = if high > 0.0 && high.is_finite() { 1.08 * high } else { 1.0 };
         let mut chart = ChartBuilder::on(area)
             .margin(px(8))
             .margin_right(px(22))
@@ -284,6 +284,11 @@ impl ThrottleMap {
             mesh.x_desc("throttle (% of rated thrust)");
         }
         mesh.draw()?;
+        if !high.is_finite() {
+            let text = Text::new("no fuel is left to burn", (0.06 * last, 0.5 * top), letters(15, &INK));
+            chart.draw_series([text])?;
+            return Ok(());
+        }
 
         let value = |p: &Demanded| (panel.value)(&p.point);
         // The demand at which the limit is reached lies between two steps: both sides are drawn to it.
@@ -364,7 +369,7 @@ const PANELS: [Panel; 6] = [
     Panel { name: "valve angle (deg)", value: |p| p.valve_deg, decimals: 0 },
     Panel { name: "chamber pressure Pc (bar)", value: |p| p.chamber_pa * 1e-5, decimals: 0 },
     Panel { name: "injector inlet P2 (bar)", value: |p| p.injector_inlet_pa * 1e-5, decimals: 0 },
-    Panel { name: "mixture ratio O/F", value: |p| p.of_ratio, decimals: 1 },
+    Panel { name: "mixture ratio O/F", value: |p| p.of_ratio.unwrap_or(f64::INFINITY), decimals: 1 },
     Panel { name: "vapour fraction at P2", value: |p| p.quality, decimals: 2 },
 ];
 

@@ -213,6 +213,10 @@ pub struct Sequence {
 
 /// Contact has to be seen for this long: two IMU samples, against a single bad one.
 const CONTACT_CONFIRMATION_S: f64 = 0.008;
+/// Without a low height, a stop counts as contact only so long after a phase of the descent began: before, it may
+/// be the end of the braking, whose thrust the engine model follows late.
+const SETTLED_IN_TERMINAL_S: f64 = 1.0;
+const SETTLED_IN_DESCENT_S: f64 = 2.0;
 /// The hover ends at the latest this long after its time, target reached or not.
 const TARGET_WAIT_S: f64 = 20.0;
 
@@ -287,17 +291,63 @@ impl Sequence {
         self.flame_for_s = if burning { self.flame_for_s + dt_s } else { 0.0 };
     }
 
-    /// Two of three: low, stopped though told to sink, carried by something that is not thrust.
+    /// Two of three: low, stopped though told to sink, carried by something that is not thrust. Who is not low must
+    /// have had time to sink. On the ground both signs last, so waiting costs a second on its feet at most.
     fn watch_contact(&mut self, mission: &Mission, e: &Evidence, dt_s: f64) {
         let low = e.height_m < 0.10;
         let stopped = e.descent_speed_m_s < 0.45 * mission.terminal_speed_m_s;
         let carried = e.unexplained_force > 0.25;
         let contact = match self.phase {
-            Phase::Terminal => [low, stopped, carried].iter().filter(|&&seen| seen).count() >= 2,
+            Phase::Terminal if low => stopped || carried,
+            Phase::Terminal => self.time_in_phase_s > SETTLED_IN_TERMINAL_S && stopped && carried,
             // A vehicle that meets the ground while it believes to be high is stopped hard.
-            Phase::Descent => self.time_in_phase_s > 2.0 && stopped && e.unexplained_force > 0.5,
+            Phase::Descent => {
+                self.time_in_phase_s > SETTLED_IN_DESCENT_S && stopped && e.unexplained_force > 0.5
+            }
             _ => false,
         };
         self.contact_for_s = if contact { self.contact_for_s + dt_s } else { 0.0 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(height_m: f64, descent_speed_m_s: f64, unexplained_force: f64) -> Evidence {
+        Evidence {
+            aligned: true,
+            chamber_pa: None,
+            height_m,
+            descent_speed_m_s,
+            unexplained_force,
+            reference_at_hover: false,
+            reference_over_target: false,
+            propellant_low: false,
+        }
+    }
+
+    /// Seconds in the terminal phase until contact is believed, up to three.
+    fn contact_after_s(evidence: impl Fn(f64) -> Evidence) -> Option<f64> {
+        let (mission, parameters) = (Mission::default(), SequenceParameters::default());
+        let mut sequence = Sequence::starting_at(Phase::Terminal);
+        (1..=750).map(|i| 0.004 * f64::from(i)).find(|&t| {
+            sequence.step(&mission, &parameters, &evidence(t), 0.004);
+            sequence.phase() == Phase::Touchdown
+        })
+    }
+
+    #[test]
+    fn the_end_of_braking_is_no_touchdown() {
+        // Braked too far, by thrust that the model has not followed yet, then sinking as told.
+        let braked = |t: f64| if t < 0.5 { seen(1.5, 0.24, 0.3) } else { seen(1.2, 0.8, 0.02) };
+        assert_eq!(contact_after_s(braked), None);
+        // Standing where the estimate has it too high: believed, a second later.
+        let standing = contact_after_s(|_| seen(0.8, 0.0, 0.4)).unwrap();
+        assert!((standing - 1.0).abs() < 0.02, "{standing}");
+        // Low, any other sign is enough, at the second sample.
+        assert_eq!(contact_after_s(|_| seen(0.05, 0.0, 0.0)), Some(0.008));
+        assert_eq!(contact_after_s(|_| seen(0.05, 0.8, 0.4)), Some(0.008));
+        assert_eq!(contact_after_s(|_| seen(0.05, 0.8, 0.0)), None);
     }
 }

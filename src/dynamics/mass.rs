@@ -387,6 +387,11 @@ impl MassModel {
         }
     }
 
+    /// Takes another share of the liquid's own inertia about the long axis that turns with the tank.
+    pub fn set_roll_inertia_factor(&mut self, factor: f64) {
+        self.roll_inertia_factor = factor;
+    }
+
     /// The vehicle without contents.
     pub fn dry(&self) -> &MassProperties {
         &self.dry

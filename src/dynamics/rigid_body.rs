@@ -178,6 +178,30 @@ pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Loa
     (acceleration, Load { force_body_n: force, moment_body_n_m: moment })
 }
 
+/// How velocities jump when the swinging engine's angles and rates do, its play being taken up or left: what the
+/// accelerations would be if the loss of relative momentum were a load for a second, with nothing else that acts in no
+/// time. `before` and `after` differ in the gimbal's motion alone; `velocity_body_m_s` is O's, in body axes.
+pub fn jolt(before: &Balance, after: &Balance, velocity_body_m_s: Vec3) -> Acceleration {
+    let [had, has] = [before, after].map(|balance| momentum(balance, velocity_body_m_s));
+    // Springs, dampers and stops give nothing in no time.
+    let free = after.slosh.map(|sloshing| {
+        let (mode, state) = sloshing?;
+        let mode =
+            Mode { stiffness_1_s2: 0.0, hardening_1_m2_s2: 0.0, stop_radius_m: f64::INFINITY, ..*mode };
+        Some((mode, SloshState { velocity_body_m_s: Vector2::zeros(), ..*state }))
+    });
+    let slosh = [0, 1].map(|n: usize| free[n].as_ref().map(|(mode, state)| (mode, state)));
+    let at_rest = |gimbal: GimbalMotion| GimbalMotion { angle_rad: gimbal.angle_rad, ..Default::default() };
+    accelerations(&Balance {
+        flow: &FlowTerms::none(),
+        rate_body_rad_s: Vec3::zeros(),
+        load: Load { force_body_n: had.0 - has.0, moment_body_n_m: had.1 - has.1 },
+        slosh,
+        swing: after.swing.map(|swing| Swing { gimbal: at_rest(swing.gimbal), ..swing }),
+        ..*after
+    })
+}
+
 /// Linear and angular momentum about O in body axes (kg m/s, kg m²/s), given O's velocity in body axes;
 /// without what leaves the vehicle. For audits.
 pub fn momentum(balance: &Balance, velocity_body_m_s: Vec3) -> (Vec3, Vec3) {

@@ -22,9 +22,17 @@
 //! paper writes it, or with the distance from the axis, which in a round tank is the law that gives no
 //! moment about the axis: then the two directions exchange energy, and planar motion that is driven beyond
 //! the amplitude (2 f/α)^(1/3), f the driving acceleration, α the cubic stiffness per mass, goes over into
-//! rotary motion. A ring baffle adds damping that grows with the root of the amplitude a,
-//! `ζ = ζ_b (a/R)^(1/2)`, `a² = s² + (s'/ω)²` (Miles, Ring Damping of Free Surface Oscillations in a Circular
+//! rotary motion. A ring baffle damps the first mode by an amount that grows with the root of the wave's height η at
+//! the wall, `ζ = ζ_b (η/R)^(1/2)` (Miles, Ring Damping of Free Surface Oscillations in a Circular
 //! Tank, J. Appl. Mech. 25, 1958, whose ζ_b is 2.83 (A/(π R²))^(3/2) exp(-4.6 d/R) for a ring of area A at depth d).
+//! The wave η cos θ pushes the wall with π ρ g R² η tanh(ξ h/R)/ξ, the mass m_s displaced by a with m_s ω² a, so
+//!
+//! ```text
+//! η/a = m_s ξ²/(π ρ R³) = 2 ξ tanh(ξ h/R)/(ξ² - 1)         1.541 deep        a² = s² + (s'/ω)²
+//! ```
+//!
+//! The second mode keeps its damping ratio: that depth law is the first mode's, 2.5 ξ d/R, and another mode would need
+//! the depth itself; its wave is a quarter as high (η/a = 0.389), and dies 2.9 times as fast with depth.
 //!
 //! Damping has a floor, and beyond
 //! `stop_fraction` of the radius a damped stop pushes the liquid back: in free fall there is no gravity
@@ -89,7 +97,7 @@ pub struct Slosh {
     /// Second lateral mode beside the first, in the two-way form.
     #[serde(default)]
     pub second_mode: bool,
-    /// Damping ratio that a ring baffle adds at an amplitude of one tank radius; it grows with the root of the amplitude. 0: no baffle.
+    /// Damping ratio that a ring baffle would add to the first mode at a wave as high, at the wall, as the tank's radius; it grows with the root of that height. 0: no baffle.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub baffle_damping_ratio: f64,
@@ -133,7 +141,7 @@ pub struct Mode {
     pub stiffness_1_s2: f64,
     /// 2ζω, not below its floor (1/s).
     pub damping_rate_1_s: f64,
-    /// Damping rate of the baffle over the root of the amplitude's speed ω a (1/s per (m/s)^(1/2)).
+    /// Damping rate of the baffle over the root of the amplitude's speed ω a (1/s per (m/s)^(1/2)); the first mode's.
     pub baffle_rate: f64,
     /// Cubic stiffness over mass (1/(m² s²)).
     pub hardening_1_m2_s2: f64,
@@ -214,8 +222,10 @@ impl Slosh {
             station_z_body_m,
             stiffness_1_s2,
             damping_rate_1_s: (2.0 * self.damping_ratio * stiffness_1_s2.sqrt()).max(floor_1_s),
-            baffle_rate: if self.baffle_damping_ratio > 0.0 {
-                2.0 * self.baffle_damping_ratio * (stiffness_1_s2.sqrt() / radius).sqrt()
+            baffle_rate: if self.baffle_damping_ratio > 0.0 && xi == XI[0] {
+                let cube = core::f64::consts::PI * radius * radius * radius;
+                let wave_per_m = mass_kg * xi * xi / (nitrous_density_kg_m3 * cube); // η/a
+                2.0 * self.baffle_damping_ratio * (stiffness_1_s2.sqrt() * wave_per_m / radius).sqrt()
             } else {
                 0.0
             },
@@ -242,7 +252,7 @@ impl Mode {
         };
         let mut damping_rate_1_s = self.damping_rate_1_s;
         if self.baffle_rate > 0.0 {
-            // 2 ω ζ_b (a/R)^(1/2) with (ω a)² = ω² s² + s'².
+            // 2 ω ζ_b (η/R)^(1/2) with (ω a)² = ω² s² + s'².
             let amplitude_speed_m_s = (self.stiffness_1_s2 * distance_squared + v.dot(&v)).sqrt();
             damping_rate_1_s += self.baffle_rate * amplitude_speed_m_s.sqrt();
         }

@@ -83,9 +83,21 @@ impl WindParameters {
         }
     }
 
+    /// Wind at 20 ft, which sets the intensity of turbulence (m/s).
+    fn at_20_ft_m_s(&self, turbulence: &TurbulenceParameters) -> f64 {
+        let mean_m_s = || self.mean_speed_m_s * self.share(INTENSITY_HEIGHT_M);
+        turbulence.wind_at_20_ft_m_s.unwrap_or_else(mean_m_s)
+    }
+
     /// # Errors
-    /// When a gust ends before it starts.
+    /// When a gust ends before it starts, or turbulence has nothing to take its strength from.
     pub fn validate(&self) -> Result<(), Invalid> {
+        if let Some(turbulence) = &self.turbulence
+            && self.at_20_ft_m_s(turbulence) <= 0.0
+        {
+            let message = "no wind at 20 ft gives no turbulence: give it here or a mean_speed_m_s, or leave the table out";
+            return Err(Invalid::new("turbulence.wind_at_20_ft_m_s", message));
+        }
         for (index, gust) in self.gust.iter().enumerate() {
             let duration_s = gust.rise_s + gust.hold_s + gust.fall_s();
             if !duration_s.is_finite() || gust.rise_s < 0.0 || gust.hold_s < 0.0 || gust.fall_s() < 0.0 {
@@ -164,13 +176,12 @@ impl Wind {
         let (sin_from, cos_from) = libm::sincos(parameters.from_deg.to_radians());
         // It blows away from where it comes from.
         let toward_ned = Vec3::new(-cos_from, -sin_from, 0.0);
-        let at_20_ft_m_s = parameters.mean_speed_m_s * parameters.share(INTENSITY_HEIGHT_M);
         Self {
             mean_ned_m_s: -parameters.mean_speed_m_s * Vec3::new(cos_from, sin_from, 0.0),
             turbulence: parameters
                 .turbulence
                 .as_ref()
-                .map(|t| Turbulence::new(t.wind_at_20_ft_m_s.unwrap_or(at_20_ft_m_s), toward_ned, seed)),
+                .map(|t| Turbulence::new(parameters.at_20_ft_m_s(t), toward_ned, seed)),
             parameters: parameters.clone(),
         }
     }
@@ -275,5 +286,18 @@ mod tests {
         let wind =
             WindParameters { gust: vec![gust(1.0, 0.0, None), gust(-1.0, 0.0, None)], ..Default::default() };
         assert_eq!(wind.validate().unwrap_err().key, "gust.1");
+    }
+
+    #[test]
+    fn turbulence_without_wind_is_named() {
+        let wind = |mean_speed_m_s, wind_at_20_ft_m_s| WindParameters {
+            mean_speed_m_s,
+            turbulence: Some(TurbulenceParameters { wind_at_20_ft_m_s }),
+            ..Default::default()
+        };
+        for calm in [wind(0.0, None), wind(4.0, Some(0.0))] {
+            assert_eq!(calm.validate().unwrap_err().key, "turbulence.wind_at_20_ft_m_s");
+        }
+        assert!(wind(4.0, None).validate().is_ok() && wind(0.0, Some(6.0)).validate().is_ok());
     }
 }

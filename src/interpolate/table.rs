@@ -63,6 +63,8 @@ pub fn heading(text: &str) -> Option<(usize, Vec<&str>)> {
 
 /// Lines that are neither empty nor comments, with their numbers.
 fn content(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    // Spreadsheets begin their UTF-8 with a byte order mark.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }

@@ -108,7 +108,7 @@ impl Plant {
         let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold
             && !self.options.open_loop;
         let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };
-        let feed = &self.held.feed;
+        let feed = &self.feed_in(&self.state);
         let (valve_rad, thrust_n, saturated) = match throttle {
             Throttle::ThrustN(thrust_n) => {
                 let inverse = match &self.paper {

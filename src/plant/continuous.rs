@@ -11,8 +11,8 @@ use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
 use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, OperatingPoint, Outlet, Pair, PairLevels, Stores, Uncovering,
-    Withdrawal,
+    ChamberGas, ChamberModel, EngineCondition, Feed, OperatingPoint, Outlet, Pair, PairLevels, Stores,
+    Uncovering, Withdrawal,
 };
 use crate::vehicle::GasSupply;
 
@@ -88,7 +88,8 @@ impl Plant {
         // The inlet pressure of the last solution: it moves by some thousandths in a step.
         let solved_pa = self.held.guess.injector_inlet_pa;
         let inlet_pa = if solved_pa > 0.0 { solved_pa } else { outlet.gas_pa };
-        let gas_share = outlet.gas_mass_share(inlet_pa, self.held.feed.inlet(inlet_pa).state.density_kg_m3);
+        let inlet = self.held.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
+        let gas_share = outlet.gas_mass_share(inlet_pa, inlet.state.density_kg_m3);
         (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
 
@@ -110,14 +111,18 @@ impl Plant {
         // Feed and combustion.
         let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
-        let (engine, stored_kg) = self.engine_at(open_area_m2, state, share);
+        let ambient_pa = self.environment.atmosphere.pressure_pa;
+        let mut supply = vehicle.gas_supply(&stores(state), ambient_pa);
+        let feed = held.feed.at(supply.nitrogen().tank_pa, supply.nitrogen().liquid_k);
+        let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, share);
         // Within a step the tank still holds what the manifold has taken up since it began.
         let nitrous_kg = state.nitrous_kg - stored_kg;
 
         // Pressurant.
-        let ambient_pa = self.environment.atmosphere.pressure_pa;
         let stores = Stores { nitrous_kg, ..stores(state) };
-        let supply = vehicle.gas_supply(&stores, ambient_pa);
+        if stored_kg != 0.0 {
+            supply = vehicle.gas_supply(&stores, ambient_pa);
+        }
         let pressurant = *supply.nitrogen();
         let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
         let mut vent_kg_s = vehicle.vent_kg_s(&supply, held.vent, ambient_pa);
@@ -278,6 +283,7 @@ impl Plant {
             expelled_nozzle_kg: engine.nozzle_kg_s,
             expelled_rcs_kg: thrusters.nitrogen_kg_s,
             expelled_vent_kg: vent_kg_s,
+            vented_vapor_kg: supply.vapor_share() * vent_kg_s,
             imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
             imu_angle_body_rad: state.rate_body_rad_s,
         };
@@ -331,10 +337,16 @@ impl Plant {
     /// What the engine does with this much valve area open, `share` of a step on, and what the manifold has taken
     /// up since the step began (kg).
     #[inline(always)]
-    fn engine_at(&self, valve_area_m2: f64, state: &State, share: f64) -> (OperatingPoint, f64) {
-        let (engine, feed) = (&self.vehicle.engine, &self.held.feed);
+    fn engine_at(
+        &self,
+        feed: &Feed<'_>,
+        valve_area_m2: f64,
+        state: &State,
+        share: f64,
+    ) -> (OperatingPoint, f64) {
+        let engine = &self.vehicle.engine;
         let (mut point, stored_kg) = match &self.paper {
-            None if self.feed_stores() => self.feed_point(state, valve_area_m2, share),
+            None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, share),
             None => {
                 let guess = self.held.guess_at(share);
                 (engine.operating_point_inline(feed, valve_area_m2, &self.condition(state), guess), 0.0)
@@ -405,7 +417,7 @@ impl Plant {
     }
 }
 
-fn stores(state: &State) -> Stores {
+pub(super) fn stores(state: &State) -> Stores {
     Stores { nitrogen_kg: state.nitrogen_kg, nitrous_kg: state.nitrous_kg, gas: state.gas }
 }
 

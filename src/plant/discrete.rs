@@ -7,12 +7,6 @@ use crate::fluid::Nitrous;
 use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
 
-/// The feed's tables are rebuilt when the tank pressure has moved by so much (Pa): 1e-3 of flow. A rebuild costs
-/// some steps' time, so it waits until something flows.
-const FEED_TOLERANCE_PA: f64 = 10_000.0;
-/// The same for the temperature of the liquid (K).
-const FEED_TOLERANCE_K: f64 = 0.05;
-
 /// Share of a thruster's level below which it is off.
 const RCS_OFF: f64 = 1e-6;
 
@@ -43,9 +37,7 @@ impl Plant {
             self.held.valve_memory =
                 self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
         }
-        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
-            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
-        }
+        self.take_up_gimbal();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         let inputs = self.inputs(&self.state);
@@ -97,12 +89,9 @@ impl Plant {
         }
         self.watch_the_tank(&now.pressurant);
         let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
-        let (tank_pa, tank_k) = (now.pressurant.tank_pa, now.pressurant.liquid_k);
-        let (built_pa, built_k) = self.held.feed.built_for();
-        let moved =
-            (tank_pa - built_pa).abs() > FEED_TOLERANCE_PA || (tank_k - built_k).abs() > FEED_TOLERANCE_K;
-        if flows && moved {
-            self.held.feed.rebuild(tank_pa, tank_k);
+        // A map costs some steps' time, so it waits until something flows.
+        if flows {
+            self.held.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k);
         }
 
         // Feet.

@@ -3,13 +3,21 @@
 //! step to the stage's instant; at the end it is advanced over the whole step, and what the manifold has taken
 //! up leaves the tank.
 
+use super::continuous::stores;
 use super::{Plant, State};
-use crate::propulsion::{EngineCondition, FeedInput, FeedPoint, FeedState, FeedStep, OperatingPoint};
+use crate::propulsion::{EngineCondition, Feed, FeedInput, FeedPoint, FeedState, FeedStep, OperatingPoint};
 
 impl Plant {
     /// Whether the feed system has a state; the seed paper's has none.
     pub(super) fn feed_stores(&self) -> bool {
         self.paper.is_none() && self.vehicle.engine.feed_stores()
+    }
+
+    /// The feed of the tank as it is in a state.
+    pub(super) fn feed_in(&self, state: &State) -> Feed<'_> {
+        let supply = self.vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa);
+        let tank = supply.nitrogen();
+        self.held.feed.at(tank.tank_pa, tank.liquid_k)
     }
 
     /// Takes down what drives the feed system at the beginning of a step, commands obeyed.
@@ -18,13 +26,16 @@ impl Plant {
             return;
         }
         let engine = &self.vehicle.engine;
-        let (now, feed) = (&self.snapshot, &self.held.feed);
-        let start = self.feed_input(&self.state);
+        let (now, feed) = (&self.snapshot, self.feed_in(&self.state));
         let floor_m2 = core::f64::consts::PI * self.vehicle.tank.radius_m * self.vehicle.tank.radius_m;
         let liquid_m = self.state.nitrous_kg / (self.vehicle.nitrous_density_kg_m3 * floor_m2);
-        self.held.head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
-        self.held.feed_stages =
-            engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, now.chamber_pa);
+        let head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
+        let start = self.feed_input(&self.state, head_pa);
+        let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, now.chamber_pa);
+        // Within the step the head goes on as it went in the last one: second order.
+        self.held.head_trend_pa = if self.held.head_pa > 0.0 { head_pa - self.held.head_pa } else { 0.0 };
+        self.held.head_pa = head_pa;
+        self.held.feed_stages = stages;
         self.held.feed_start = start;
     }
 
@@ -33,8 +44,9 @@ impl Plant {
         if !self.feed_stores() {
             return;
         }
-        let open_area_m2 = self.feed_input(&self.state).valve_area_m2;
-        let FeedPoint { engine, state: fed } = self.feed_after(&self.state, open_area_m2, 1.0);
+        let open_area_m2 = self.feed_input(&self.state, 0.0).valve_area_m2;
+        let feed = self.feed_in(&self.state);
+        let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
         self.held.guess.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
         // What is injected and what is stored come of two methods, whose errors an empty tank cannot pay.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
@@ -45,41 +57,49 @@ impl Plant {
     }
 
     /// The engine at a stage, and what the manifold has taken up since the step began (kg).
-    pub(super) fn feed_point(&self, state: &State, open_area_m2: f64, share: f64) -> (OperatingPoint, f64) {
-        let FeedPoint { engine, state: fed } = self.feed_after(state, open_area_m2, share);
+    pub(super) fn feed_point(
+        &self,
+        feed: &Feed<'_>,
+        state: &State,
+        open_area_m2: f64,
+        share: f64,
+    ) -> (OperatingPoint, f64) {
+        let FeedPoint { engine, state: fed } = self.feed_after(feed, state, open_area_m2, share);
         (engine, fed.manifold_kg - state.manifold_kg)
     }
 
     /// Brings what is stored to the steady state of the running engine at the present valve angle.
     pub(super) fn settle_feed(&mut self) {
         let engine = &self.vehicle.engine;
-        let FeedInput { valve_area_m2, condition } = self.feed_input(&self.state);
+        let FeedInput { valve_area_m2, condition, .. } = self.feed_input(&self.state, 0.0);
+        let feed = self.feed_in(&self.state);
         let steady = EngineCondition { fuel_flow_kg_s: None, ..condition };
-        let point = engine.operating_point(&self.held.feed, valve_area_m2, &steady, self.held.guess);
-        let fed = engine.feed_steady(&self.held.feed, &point);
+        let point = engine.operating_point_inline(&feed, valve_area_m2, &steady, self.held.guess);
+        let fed = engine.feed_steady(feed, &point);
         self.state.manifold_kg = fed.manifold_kg;
         self.state.line_kg_s = fed.line_kg_s;
         self.state.fuel_flow_kg_s = point.fuel_kg_s;
     }
 
-    fn feed_after(&self, state: &State, open_area_m2: f64, share: f64) -> FeedPoint {
+    fn feed_after(&self, feed: &Feed<'_>, state: &State, open_area_m2: f64, share: f64) -> FeedPoint {
         let held = &self.held;
         let step = FeedStep {
             from: FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s },
             start: held.feed_start,
-            head_pa: held.head_pa,
             stages: held.feed_stages,
         };
-        let now = FeedInput { valve_area_m2: open_area_m2, condition: self.condition(state) };
+        let head_pa = (held.head_pa + share * held.head_trend_pa).max(0.0);
+        let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.condition(state) };
         let elapsed_s = share * self.step.s();
-        self.vehicle.engine.feed_point(&held.feed, &step, &now, elapsed_s, held.guess_at(share))
+        self.vehicle.engine.feed_point(feed, &step, &now, elapsed_s, held.guess_at(share))
     }
 
-    fn feed_input(&self, state: &State) -> FeedInput {
+    fn feed_input(&self, state: &State, head_pa: f64) -> FeedInput {
         let (valve, _) = self.valve(state);
         let valve_area_m2 = self.vehicle.engine.valve_area().area_m2(valve.angle_rad);
         FeedInput {
             valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.held.isolation),
+            head_pa,
             condition: self.condition(state),
         }
     }

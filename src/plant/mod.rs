@@ -14,6 +14,7 @@ mod discrete;
 mod feed;
 mod freeze;
 mod paper;
+mod play;
 mod sequence;
 mod setup;
 pub mod signs;
@@ -36,7 +37,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    FeedInput, FeedMap, Flame, GasState, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
+    FeedGrid, FeedInput, Flame, GasState, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
+    Stages, Triangle,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -81,7 +83,7 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. The play is
-/// not here: taking it in after a step leaves its output as it was. Nor is the solver's guess; nor are the anchors,
+/// not here: it is taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
 /// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
@@ -99,7 +101,7 @@ struct Inputs {
     burning_share: f64,
     nitrous_depleted: bool,
     head_pa: f64,
-    feed_built_for: (f64, f64),
+    feed_triangle: Triangle,
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
     isolation: f64,
@@ -151,12 +153,13 @@ struct Held {
     vent: f64,
     grip: Grip,
     anchors: Anchors,
-    feed: FeedMap,
+    feed: FeedGrid,
     /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
-    /// liquid at the valve (Pa).
+    /// liquid at the valve (Pa), then and its growth in a step.
     feed_start: FeedInput,
     feed_stages: Stages,
     head_pa: f64,
+    head_trend_pa: f64,
     /// Where the engine's solver looks first, and the first and second differences per step of its two
     /// pressures (Pa), injector inlet and chamber.
     guess: Guess,
@@ -333,7 +336,7 @@ impl Plant {
             burning_share: self.burning_share(state),
             nitrous_depleted: held.nitrous_depleted,
             head_pa: held.head_pa,
-            feed_built_for: held.feed.built_for(),
+            feed_triangle: held.feed.triangle(),
             valve_command_rad: held.valve_command_rad,
             gimbal_command_rad: held.gimbal_command_rad,
             isolation: held.isolation,

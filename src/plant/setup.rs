@@ -13,12 +13,15 @@ use crate::environment::Environment;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
-    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedInput, Flame, Guess, Modulator,
+    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, Flame, Guess, Modulator,
     PairLevels, PaperEngine, Stages, Stores,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
+
+/// Airspeed up to which drag must be sound (m/s): Mach 0.3, where its model ends.
+const JUDGED_AIRSPEED_M_S: f64 = 100.0;
 
 /// Step at which a vehicle must be sound (s): that of every flight but studies of the step itself.
 const JUDGED_STEP_S: f64 = 1e-3;
@@ -88,7 +91,7 @@ impl Plant {
         let ambient_pa = environment.atmosphere.pressure_pa;
         let gas = vehicle.initial_gas(nitrogen_kg, nitrous_kg, ambient_pa);
         let nitrogen = *vehicle.gas_supply(&Stores { nitrogen_kg, nitrous_kg, gas }, ambient_pa).nitrogen();
-        let feed = vehicle.engine.feed_map(nitrogen.tank_pa, vehicle.tank.temperature_k);
+        let feed = vehicle.engine.feed_map(nitrogen.tank_pa, nitrogen.liquid_k);
         let at_rest = vehicle.engine.feed_at_rest(&feed, ambient_pa);
         let q = start.q_ned_from_body;
         let state = State {
@@ -136,10 +139,11 @@ impl Plant {
                 vent: 0.0,
                 grip: if options.ground && !running { Grip::Held } else { Grip::Free },
                 anchors: Anchors::default(),
-                feed,
+                feed: FeedGrid::new(feed),
                 feed_start: FeedInput::SHUT,
                 feed_stages: Stages::Two,
                 head_pa: 0.0,
+                head_trend_pa: 0.0,
                 guess: Guess::default(),
                 trend_pa: Default::default(),
                 modulator: Modulator::default(),
@@ -177,6 +181,7 @@ impl Plant {
             plant.evaluate(&plant.state, 0.0).mass.mass_kg * plant.environment.gravity.magnitude_m_s2;
         plant.rest_height_m = plant.vehicle.landing_gear.rest_height_m(weight_n);
         plant.judge_chamber()?;
+        plant.judge_drag()?;
         if options.ground {
             plant.judge_legs()?;
             plant.stand()?;
@@ -207,8 +212,12 @@ impl Plant {
             let fuel_kg = burning_fraction * gas_kg / (1.0 + of_ratio);
             let gas = ChamberGas { oxidizer_kg: gas_kg - fuel_kg, fuel_kg };
             let condition = EngineCondition { chamber_gas: Some(gas), burning_fraction, ..condition };
-            let point =
-                self.vehicle.engine.operating_point(&self.held.feed, 0.0, &condition, Guess::default());
+            let point = self.vehicle.engine.operating_point(
+                self.feed_in(&self.state),
+                0.0,
+                &condition,
+                Guess::default(),
+            );
             gas_kg / point.nozzle_kg_s
         };
         let mixtures = (1..=15).map(|of_ratio| emptying_s(1.0, f64::from(of_ratio)));
@@ -222,6 +231,33 @@ impl Plant {
             shortest_s, JUDGED_STEP_S
         );
         Err(Invalid::new("engine.chamber.model", message))
+    }
+
+    /// Drag so great for the body that the fixed step would throw it back faster than it came.
+    fn judge_drag(&self) -> Result<(), Invalid> {
+        let (aero, dry) = (&self.vehicle.aero, self.vehicle.mass.dry());
+        let Some(per_inertia) = dry.inertia_about_com_kg_m2().try_inverse() else { return Ok(()) };
+        let lever = aero.centre_of_pressure_body_m() - dry.centre_of_mass_body_m();
+        let gain_1_kg = |axis: Vec3| {
+            let arm = lever.cross(&axis);
+            1.0 / dry.mass_kg + arm.dot(&(per_inertia * arm))
+        };
+        let across_1_kg = gain_1_kg(Vec3::x()) + gain_1_kg(Vec3::y());
+        let momentum_kg_m2_s = self.environment.atmosphere.density_kg_m3 * JUDGED_AIRSPEED_M_S;
+        for (key, area_m2, gain_1_kg) in [
+            ("aero.drag_area_lateral_m2", aero.drag_area_lateral_m2, across_1_kg),
+            ("aero.drag_area_axial_m2", aero.drag_area_axial_m2, gain_1_kg(Vec3::z())),
+        ] {
+            let allowed_m2 = 2.5 / (JUDGED_STEP_S * momentum_kg_m2_s * gain_1_kg);
+            if area_m2 > allowed_m2 {
+                let message = format!(
+                    "{area_m2} stops the dry vehicle at {JUDGED_AIRSPEED_M_S} m/s within less than the step \
+                     resolves; allowed up to {allowed_m2:.3e}, with its centre of pressure where it is"
+                );
+                return Err(Invalid::new(key, message));
+            }
+        }
+        Ok(())
     }
 
     /// Legs so stiff for the body on them that the fixed step would make it explode.
@@ -286,7 +322,7 @@ impl Plant {
             };
             self.vehicle
                 .engine
-                .operating_point(&self.held.feed, area_m2, &condition, self.held.guess)
+                .operating_point(self.feed_in(&self.state), area_m2, &condition, self.held.guess)
                 .chamber_gas_rate
         };
         let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {

@@ -101,6 +101,8 @@ pub struct Snapshot {
     pub singular: bool,
     /// Mass that left through nozzle, thrusters and vent (kg).
     pub expelled_kg: [f64; 3],
+    /// Nitrous oxide vapour in what left through the vent (kg).
+    pub vented_vapor_kg: f64,
 }
 
 impl Snapshot {
@@ -246,6 +248,7 @@ impl Plant {
             lit: self.held.flame.lit,
             singular: self.held.singular,
             expelled_kg: [state.expelled_nozzle_kg, state.expelled_rcs_kg, state.expelled_vent_kg],
+            vented_vapor_kg: state.vented_vapor_kg,
         }
     }
 }

@@ -93,8 +93,10 @@ state! {
     expelled_nozzle_kg: f64,
     /// Nitrogen that left through the thrusters (kg).
     expelled_rcs_kg: f64,
-    /// Nitrogen that left through the vent (kg).
+    /// Gas that left through the vent (kg).
     expelled_vent_kg: f64,
+    /// Nitrous oxide in that gas (kg).
+    vented_vapor_kg: f64,
     /// Integral of the specific force at the inertial unit, body axes (m/s).
     imu_velocity_body_m_s: Vec3,
     /// Integral of the body rate (rad).
@@ -140,6 +142,7 @@ impl State {
             expelled_nozzle_kg: 0.0,
             expelled_rcs_kg: 0.0,
             expelled_vent_kg: 0.0,
+            vented_vapor_kg: 0.0,
             imu_velocity_body_m_s: ZERO,
             imu_angle_body_rad: ZERO,
         }
@@ -150,7 +153,7 @@ impl State {
         UnitQuaternion::new_normalize(self.q_ned_from_body)
     }
 
-    /// Every number, in a fixed order: for hashes and for the search for what is not finite.
+    /// Every number but what is part of another, in a fixed order: for hashes and for the search for what is not finite.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let vectors = [
             self.position_ned_m,

@@ -11,7 +11,7 @@ use super::chamber::{
     Chamber, ChamberGas, ChamberGasRate, ColdGas, NearPressure, Vessel, held_pressure, steady_pressure,
 };
 use super::combustion::{CombustionMap, Mixture};
-use super::feed_map::FeedMap;
+use super::feed_grid::Feed;
 use super::grain::Grain;
 use super::manifold::FeedStores;
 use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
@@ -190,6 +190,7 @@ impl Engine {
         }
         let map =
             CombustionMap::read(texts.map, engine.map.reference_pressure_pa).map_err(EngineError::Map)?;
+        super::paper::validate_range(paper, map.of_span())?;
         let valve_area = ValveArea::read(texts.valve_area, &feed.valve)?;
         valve_area.validate(&feed.valve).map_err(|e| e.within("feed.valve"))?;
         let engine = Self {
@@ -306,31 +307,28 @@ impl Engine {
     }
 
     /// The forward problem: what the engine does with this much valve area open.
-    pub fn operating_point(
+    pub fn operating_point<'f>(
         &self,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         valve_area_m2: f64,
         condition: &EngineCondition,
         guess: Guess,
     ) -> OperatingPoint {
-        self.operating_point_inline(feed, valve_area_m2, condition, guess)
+        self.operating_point_inline(&feed.into(), valve_area_m2, condition, guess)
     }
 
     /// The same for the innermost caller, which computes nothing of it that it does not use.
     #[inline(always)]
     pub fn operating_point_inline(
         &self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         valve_area_m2: f64,
         condition: &EngineCondition,
         guess: Guess,
     ) -> OperatingPoint {
         let setting = self.setting(condition);
         let mut near = guess.near;
-        let held = match condition.chamber_gas {
-            None => None,
-            Some(gas) => Some(setting.held(gas, &mut near)),
-        };
+        let held = condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
         let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
         let tank_pa = feed.tank().pressure_pa;
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
@@ -366,10 +364,11 @@ impl Engine {
                 }
             };
             let mut injector_flux = feed.injector_flux_kg_m2_s(&state, chamber_pa);
+            quality = state.quality;
             if let Some(outlet) = outlet {
                 injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
+                quality = outlet.quality(inlet_pa, density_kg_m3, state.quality);
             }
-            quality = state.quality;
             self.injector_area_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {

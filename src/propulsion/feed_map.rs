@@ -247,8 +247,11 @@ impl FeedMap {
                 // A small drop of enthalpy is a difference of large numbers: the entropy must be exact.
                 let n2o = Nitrous::tables();
                 let flashing = inlet.state.vapor_pressure_pa >= inlet.state.pressure_pa;
-                let state =
-                    if flashing { self.state_2(n2o, inlet.state.pressure_pa, true).0 } else { inlet.state };
+                let state = if flashing {
+                    boiling(n2o, inlet.state.pressure_pa, inlet.state.enthalpy_j_kg).0
+                } else {
+                    inlet.state
+                };
                 n2o.equilibrium_flux_kg_m2_s(&state, chamber_pa)
             }
         })
@@ -340,16 +343,7 @@ impl FeedMap {
     fn state_2(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool) -> (Stagnation, f64) {
         let enthalpy_j_kg = self.tank.enthalpy_j_kg;
         if flashing {
-            let line = n2o.saturation(inlet_pa);
-            let quality = line.quality_of_enthalpy(enthalpy_j_kg);
-            let state = Stagnation {
-                pressure_pa: inlet_pa,
-                vapor_pressure_pa: inlet_pa,
-                density_kg_m3: line.density_kg_m3(quality),
-                enthalpy_j_kg,
-                entropy_j_kg_k: line.entropy_j_kg_k(quality),
-            };
-            return (state, quality);
+            return boiling(n2o, inlet_pa, enthalpy_j_kg);
         }
         let liquid = n2o.liquid_of_enthalpy(inlet_pa, enthalpy_j_kg);
         let state = Stagnation {
@@ -371,4 +365,18 @@ impl FeedMap {
         let bracket = Bracket { low: from, high: to, guess: f64::NAN, slope: None, tolerance: 0.01 };
         bracketed_root(bracket, |pa| f(self, pa)).x
     }
+}
+
+/// Boiling state and its quality at a pressure and an enthalpy.
+fn boiling(n2o: &Nitrous, pressure_pa: f64, enthalpy_j_kg: f64) -> (Stagnation, f64) {
+    let line = n2o.saturation(pressure_pa);
+    let quality = line.quality_of_enthalpy(enthalpy_j_kg);
+    let state = Stagnation {
+        pressure_pa,
+        vapor_pressure_pa: pressure_pa,
+        density_kg_m3: line.density_kg_m3(quality),
+        enthalpy_j_kg,
+        entropy_j_kg_k: line.entropy_j_kg_k(quality),
+    };
+    (state, quality)
 }

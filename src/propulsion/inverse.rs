@@ -4,7 +4,7 @@
 //! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
 
 use super::engine::{Engine, EngineCondition, Guess, INLET_TOLERANCE, Near, OperatingPoint, Setting};
-use super::feed_map::FeedMap;
+use super::feed_grid::Feed;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
 /// Answer of the inverse problem.
@@ -26,13 +26,14 @@ const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 impl Engine {
     /// Valve angle for a steady thrust. What lags in the engine, chamber gas or fuel flow, is not looked at:
     /// the answer is for the steady engine.
-    pub fn inverse(
+    pub fn inverse<'f>(
         &self,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         thrust_n: f64,
         condition: &EngineCondition,
         guess: Guess,
     ) -> Inverse {
+        let feed = &feed.into();
         let steady = EngineCondition { chamber_gas: None, fuel_flow_kg_s: None, outlet: None, ..*condition };
         let setting = self.setting(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
@@ -60,7 +61,7 @@ impl Engine {
         let valve_rad = self.valve_area.angle_rad(area_m2.min(open_m2));
         let valve_area_m2 = self.valve_area.area_m2(valve_rad);
         let start = Guess { near, ..inlet_guess };
-        let point = self.operating_point(feed, valve_area_m2, &steady, start);
+        let point = self.operating_point_inline(feed, valve_area_m2, &steady, start);
         Inverse { valve_rad, valve_area_m2, point, saturated }
     }
 }
@@ -69,7 +70,7 @@ impl Setting<'_> {
     /// Valve area (m²) and P2 (Pa) that pass a flow; `None` when the injector cannot at the tank's pressure.
     fn inlet_of_flow(
         &self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         oxidizer_kg_s: f64,
         guess: Guess,
         near: &mut Near,

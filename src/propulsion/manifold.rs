@@ -26,6 +26,7 @@ use super::engine::{
     Burning, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, Near, OperatingPoint, Setting,
 };
 use super::feed::ManifoldModel;
+use super::feed_grid::Feed;
 use super::feed_map::{FeedMap, Inlet};
 use super::injector::SinglePhase;
 use super::{chamber::ChamberGas, grain::Grain};
@@ -46,6 +47,8 @@ pub struct FeedState {
 pub struct FeedInput {
     /// Open area of the valve (m²).
     pub valve_area_m2: f64,
+    /// Pressure of the liquid's weight at the valve (Pa).
+    pub head_pa: f64,
     /// The engine.
     pub condition: EngineCondition,
 }
@@ -66,8 +69,6 @@ pub struct FeedStep {
     pub from: FeedState,
     /// What drove it then, commands of this step included.
     pub start: FeedInput,
-    /// Pressure of the liquid's weight at the valve (Pa).
-    pub head_pa: f64,
     /// Resolution.
     pub stages: Stages,
 }
@@ -129,7 +130,6 @@ const AT_REST: f64 = 1e-6;
 struct Stage {
     span_s: f64,
     from: FeedState,
-    head_pa: f64,
 }
 
 /// Solution of a stage.
@@ -159,27 +159,42 @@ impl Engine {
     }
 
     /// Pressure (Pa) of the liquid's weight at the valve, `liquid_m` above the tank's floor.
-    pub fn static_head_pa(&self, feed: &FeedMap, liquid_m: f64, specific_force_m_s2: f64) -> f64 {
+    pub fn static_head_pa<'f>(
+        &self,
+        feed: impl Into<Feed<'f>>,
+        liquid_m: f64,
+        specific_force_m_s2: f64,
+    ) -> f64 {
+        let feed = &feed.into();
         let weight =
             |drop_m: f64| feed.tank().density_kg_m3 * specific_force_m_s2.max(0.0) * (liquid_m + drop_m);
         self.stores.head_m.map_or(0.0, weight)
     }
 
     /// The feed system at rest: vapour at a pressure (Pa).
-    pub fn feed_at_rest(&self, feed: &FeedMap, pressure_pa: f64) -> FeedState {
+    pub fn feed_at_rest<'f>(&self, feed: impl Into<Feed<'f>>, pressure_pa: f64) -> FeedState {
+        let feed = &feed.into();
         let density_kg_m3 = feed.inlet(pressure_pa.max(Nitrous::LEAST_PA)).state.density_kg_m3;
         FeedState { manifold_kg: self.stores.volume_m3 * density_kg_m3, line_kg_s: 0.0 }
     }
 
     /// The feed system that keeps a steady point.
-    pub fn feed_steady(&self, feed: &FeedMap, point: &OperatingPoint) -> FeedState {
+    pub fn feed_steady<'f>(&self, feed: impl Into<Feed<'f>>, point: &OperatingPoint) -> FeedState {
+        let feed = &feed.into();
         let rest = self.feed_at_rest(feed, point.injector_inlet_pa);
         let line_kg_s = if self.stores.inertance_1_m > 0.0 { point.tank_kg_s } else { 0.0 };
         FeedState { line_kg_s, ..rest }
     }
 
     /// Lag of P2 (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`.
-    pub fn manifold_lag_s(&self, feed: &FeedMap, valve_area_m2: f64, inlet_pa: f64, chamber_pa: f64) -> f64 {
+    pub fn manifold_lag_s<'f>(
+        &self,
+        feed: impl Into<Feed<'f>>,
+        valve_area_m2: f64,
+        inlet_pa: f64,
+        chamber_pa: f64,
+    ) -> f64 {
+        let feed = &feed.into();
         let low_pa = (inlet_pa - 20.0).max(Nitrous::LEAST_PA);
         let (below, above) = (feed.inlet(low_pa), feed.inlet(low_pa + 40.0));
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
@@ -190,7 +205,14 @@ impl Engine {
     }
 
     /// Resolution that a step needs where the inlet and the chamber have these pressures.
-    pub fn feed_stages(&self, feed: &FeedMap, valve_area_m2: f64, inlet_pa: f64, chamber_pa: f64) -> Stages {
+    pub fn feed_stages<'f>(
+        &self,
+        feed: impl Into<Feed<'f>>,
+        valve_area_m2: f64,
+        inlet_pa: f64,
+        chamber_pa: f64,
+    ) -> Stages {
+        let feed = &feed.into();
         let limit_s = self.stores.one_stage_below_s;
         let stiff = self.stores.volume_m3 > 0.0
             && limit_s > 0.0
@@ -199,14 +221,15 @@ impl Engine {
     }
 
     /// The engine some time after a step began; `now` is what drives it then.
-    pub fn feed_point(
+    pub fn feed_point<'f>(
         &self,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         step: &FeedStep,
         now: &FeedInput,
         elapsed_s: f64,
         guess: Guess,
     ) -> FeedPoint {
+        let feed = &feed.into();
         let setting = self.setting(&now.condition);
         let mut near = guess.near;
         let held = now.condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
@@ -256,15 +279,15 @@ impl Engine {
     /// The method: two stages, or one.
     fn advance<'a>(
         &'a self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         step: &FeedStep,
         now: &FeedInput,
         (setting, held): (&Setting<'a>, Option<&Held<'a>>),
         elapsed_s: f64,
         guess: Guess,
     ) -> Solved<'a> {
-        let (from, head_pa) = (step.from, step.head_pa);
-        let whole = Stage { span_s: elapsed_s, from, head_pa };
+        let from = step.from;
+        let whole = Stage { span_s: elapsed_s, from };
         if step.stages == Stages::One {
             return self.solve(feed, now, &whole, (setting, held), guess);
         }
@@ -280,7 +303,7 @@ impl Engine {
         };
         let (gained, flows, slope_kg_s_pa, status) = first;
         if status == RootStatus::Solved {
-            let stage = Stage { span_s, from: from.extrapolated(&gained, CARRIED), head_pa };
+            let stage = Stage { span_s, from: from.extrapolated(&gained, CARRIED) };
             let guess = Guess { slope_kg_s_pa, ..guess };
             let second = self.solve(feed, now, &stage, (setting, held), guess);
             if second.status == RootStatus::Solved && (second.injected_kg_s > 0.0 || !flows) {
@@ -294,7 +317,7 @@ impl Engine {
     /// One implicit equation: the root in P2 of the steady engine, less what the manifold takes up.
     fn solve<'a>(
         &'a self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         input: &FeedInput,
         stage: &Stage,
         (setting, held): (&Setting<'a>, Option<&Held<'a>>),
@@ -371,12 +394,12 @@ impl Engine {
 
     /// Flow of the valve into an inlet (kg/s): steady, or of the column before it.
     #[inline]
-    fn valve_flow_kg_s(&self, feed: &FeedMap, inlet: &Inlet, input: &FeedInput, stage: &Stage) -> f64 {
+    fn valve_flow_kg_s(&self, feed: &Feed<'_>, inlet: &Inlet, input: &FeedInput, stage: &Stage) -> f64 {
         let limit_kg_s = input.condition.oxidizer_flow_limit_kg_s;
         let valve_m2 = self.valve_m2(input);
         let steady_kg_s = valve_m2 * inlet.valve_flux_kg_m2_s;
         let inertia_pa_s_kg = self.stores.inertance_1_m / stage.span_s;
-        if valve_m2 <= 0.0 || (inertia_pa_s_kg == 0.0 && stage.head_pa == 0.0) {
+        if valve_m2 <= 0.0 || (inertia_pa_s_kg == 0.0 && input.head_pa == 0.0) {
             return steady_kg_s.min(limit_kg_s);
         }
         // B (w - w0) = drop + head - drop (w/w_steady)², the root that is not negative.
@@ -387,7 +410,7 @@ impl Engine {
         } else {
             0.5 / (tank.density_kg_m3 * valve_m2 * valve_m2)
         };
-        let push_pa = drop_pa + stage.head_pa + inertia_pa_s_kg * stage.from.line_kg_s;
+        let push_pa = drop_pa + input.head_pa + inertia_pa_s_kg * stage.from.line_kg_s;
         if push_pa <= 0.0 {
             return 0.0;
         }
@@ -398,7 +421,7 @@ impl Engine {
     /// The engine in the very state in which the step begins.
     fn as_it_is<'a>(
         &'a self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         step: &FeedStep,
         now: &FeedInput,
         (setting, held): (&Setting<'a>, Option<&Held<'a>>),
@@ -416,7 +439,7 @@ impl Engine {
         };
         if self.stores.volume_m3 <= 0.0 {
             // Nothing is stored: the injector passes what the line brings. A column without inertia flows as it is pushed.
-            let stage = Stage { span_s: f64::INFINITY, from, head_pa: step.head_pa };
+            let stage = Stage { span_s: f64::INFINITY, from };
             if !has_line {
                 return self.solve(feed, now, &stage, (setting, held), guess);
             }
@@ -452,7 +475,7 @@ impl Engine {
         let slope = Some(0.1 * (density(near_pa + 10.0) - density(near_pa)));
         let root = bracketed_root(Bracket { slope, ..bracket }, |inlet_pa| density(inlet_pa) - density_kg_m3);
         let inlet = feed.inlet(root.x);
-        let stage = Stage { span_s: f64::INFINITY, from, head_pa: step.head_pa };
+        let stage = Stage { span_s: f64::INFINITY, from };
         let mut solved = Solved {
             inlet_pa: root.x,
             slope_kg_s_pa: guess.slope_kg_s_pa,
@@ -475,7 +498,7 @@ impl Engine {
     /// Flow through the injector at a given inlet: into gas that is held, or into the pressure that it makes itself.
     fn inject<'a>(
         &'a self,
-        feed: &FeedMap,
+        feed: &Feed<'_>,
         inlet: &Inlet,
         setting: &Setting<'a>,
         held: Option<&Held<'a>>,
@@ -523,6 +546,7 @@ impl FeedInput {
     /// Nothing drives anything.
     pub const SHUT: Self = Self {
         valve_area_m2: 0.0,
+        head_pa: 0.0,
         condition: EngineCondition {
             port_radius_m: 0.0,
             throat_radius_m: 0.0,
@@ -541,6 +565,7 @@ impl FeedInput {
         let (a, b) = (&self.condition, &end.condition);
         Self {
             valve_area_m2: mix(self.valve_area_m2, end.valve_area_m2),
+            head_pa: mix(self.head_pa, end.head_pa),
             condition: EngineCondition {
                 port_radius_m: mix(a.port_radius_m, b.port_radius_m),
                 throat_radius_m: mix(a.throat_radius_m, b.throat_radius_m),

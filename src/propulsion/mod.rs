@@ -12,6 +12,7 @@ mod chamber;
 mod combustion;
 mod engine;
 mod feed;
+mod feed_grid;
 mod feed_map;
 mod gas_balance;
 mod gas_orifice;
@@ -34,6 +35,7 @@ pub use chamber::{Chamber, ChamberGas, ChamberGasRate, ChamberModel};
 pub use combustion::{CombustionMap, Map};
 pub use engine::{Engine, EngineCondition, EngineError, EngineTexts, Guess, OperatingPoint};
 pub use feed::{Isolation, Line, Manifold, ManifoldModel, Tank, Vent, VentedGas};
+pub use feed_grid::{Feed, FeedGrid, Triangle};
 pub use feed_map::{FeedMap, Inlet};
 pub use gas_balance::{GasBalance, GasState, GasView, Stores, StoresRate, Ullage, UllageModel, Withdrawal};
 pub use grain::Grain;
@@ -109,7 +111,7 @@ pub struct PaperMode {
     #[serde(default = "polynomial_degree")]
     #[schemars(range(min = 1, max = 12))]
     pub polynomial_degree: u32,
-    /// O/F between which they are fitted; held at the ends beyond.
+    /// O/F between which they are fitted, rising and at least 0.25 of it inside the map's own range; held at the ends beyond.
     #[serde(default = "polynomial_of_range")]
     #[schemars(inner(range(min = 0.1, max = 40.0)))]
     pub polynomial_of_range: [f64; 2],

@@ -84,6 +84,12 @@ impl Outlet {
         if gas > 0.0 { gas / (liquid + gas) } else { 0.0 }
     }
 
+    /// Mass share of vapour and gas in what enters the injector, from that in the flashing liquid.
+    pub(super) fn quality(&self, inlet_pa: f64, liquid_kg_m3: f64, liquid_quality: f64) -> f64 {
+        let [liquid, gas] = self.masses(inlet_pa, liquid_kg_m3);
+        if gas > 0.0 { (gas + liquid * liquid_quality) / (gas + liquid) } else { liquid_quality }
+    }
+
     /// Density of the gas over that of the fluid between valve and injector, at its pressure.
     fn relative_density(&self, inlet_pa: f64, liquid_kg_m3: f64) -> f64 {
         if self.gas_pa > 0.0 && liquid_kg_m3 > 0.0 {
@@ -132,6 +138,17 @@ mod tests {
             (share - gas / (liquid + gas)).abs() < 1e-15,
             "the mass that flows and the share that burns agree"
         );
+    }
+
+    #[test]
+    fn gas_alone_has_quality_one() {
+        let outlet = |injector_gas| Outlet { valve_gas: 1.0, injector_gas, gas_pa: 60e5, gas_kg_m3: 70.0 };
+        assert_eq!(outlet(0.0).quality(50e5, 800.0, 0.1), 0.1);
+        assert_eq!(outlet(1.0).quality(50e5, 800.0, 0.1), 1.0);
+        // Half the volume: 0.5 of liquid, 0.5 × 70 × (50/60)/800 of gas.
+        let gas = 0.5 * 70.0 * (50.0 / 60.0) / 800.0;
+        let mixed = outlet(0.5).quality(50e5, 800.0, 0.1);
+        assert!((mixed - (gas + 0.05) / (gas + 0.5)).abs() < 1e-15, "{mixed}");
     }
 
     #[test]

@@ -23,12 +23,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::engine::{Engine, EngineCondition, Guess, OperatingPoint};
-use super::feed_map::FeedMap;
+use super::feed_grid::Feed;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
 use super::{ChamberGasRate, EngineParameters, PaperMode};
 use crate::fluid::{Nitrous, Stagnation};
+use crate::input::Invalid;
 use crate::interpolate::{Bracket, bracketed_root};
 
 /// Sea level of the paper's specific impulse (Pa).
@@ -74,11 +75,7 @@ impl PaperEngine {
     pub fn new(engine: &Engine, parameters: &EngineParameters, paper: &PaperMode) -> Self {
         let map = engine.map();
         let nozzle = engine.nozzle();
-        let (low, high) = map.of_span();
-        let [from, to] = paper.polynomial_of_range;
-        let span = (from.clamp(low, high), to.clamp(low, high));
-        // A range outside the map would be a point; then the map's own range serves.
-        let span = if span.1 - span.0 > FIT_SPACING { span } else { (low, high) };
+        let span = fitted_span(paper, map.of_span());
         let c_star = |of: f64| map.mixture(of).c_star_m_s(0.0);
         let lost_m2 = SEA_LEVEL_PA * nozzle.expansion_ratio / parameters.map.reference_pressure_pa;
         let isp = |of: f64| map.mixture(of).vacuum_isp_s(0.0) - lost_m2 * c_star(of) / STANDARD_GRAVITY_M_S2;
@@ -143,13 +140,14 @@ impl PaperEngine {
 
     /// P2 (Pa) and vapour share behind the valve for a flow, Eqs 14 and 15; `None` when the injector cannot pass it
     /// at the tank's pressure.
-    pub fn inlet(
+    pub fn inlet<'f>(
         &self,
         engine: &Engine,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         oxidizer_kg_s: f64,
         chamber_pa: f64,
     ) -> Option<(f64, f64)> {
+        let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
         let excess_kg_s = |inlet_pa: f64| {
             let (state, _) = inlet_state(feed, inlet_pa);
@@ -178,20 +176,28 @@ impl PaperEngine {
     }
 
     /// Valve area (m²) that passes a flow at P2, Eq 16.
-    pub fn valve_area_m2(&self, engine: &Engine, feed: &FeedMap, oxidizer_kg_s: f64, inlet_pa: f64) -> f64 {
+    pub fn valve_area_m2<'f>(
+        &self,
+        engine: &Engine,
+        feed: impl Into<Feed<'f>>,
+        oxidizer_kg_s: f64,
+        inlet_pa: f64,
+    ) -> f64 {
+        let feed = &feed.into();
         let tank = feed.tank();
         let flux = (2.0 * tank.density_kg_m3 * (tank.pressure_pa - inlet_pa).max(0.0)).sqrt();
         oxidizer_kg_s / (engine.valve_discharge_coefficient * flux)
     }
 
     /// The forward answer: what the candidate does whose valve area is nearest to the one that is open.
-    pub fn operating_point(
+    pub fn operating_point<'f>(
         &self,
         engine: &Engine,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         valve_area_m2: f64,
         condition: &EngineCondition,
     ) -> OperatingPoint {
+        let feed = &feed.into();
         let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
         let ambient_pa = condition.ambient_pa;
         if !(valve_area_m2 > 0.0 && limit_kg_s > 0.0 && feed.tank().pressure_pa > ambient_pa) {
@@ -238,13 +244,14 @@ impl PaperEngine {
     }
 
     /// The inverse answer: sweep, P2, valve area, angle.
-    pub fn inverse(
+    pub fn inverse<'f>(
         &self,
         engine: &Engine,
-        feed: &FeedMap,
+        feed: impl Into<Feed<'f>>,
         thrust_n: f64,
         condition: &EngineCondition,
     ) -> Inverse {
+        let feed = &feed.into();
         let chosen = self.sweep(engine, condition, thrust_n);
         let (_, open_m2) = engine.valve_area().fully_open();
         let area_m2 = self
@@ -277,6 +284,25 @@ impl PaperEngine {
     }
 }
 
+/// Refuses a range of the polynomials that leaves nothing of the map to fit.
+pub(super) fn validate_range(paper: &PaperMode, map_span: (f64, f64)) -> Result<(), Invalid> {
+    let span = fitted_span(paper, map_span);
+    if span.1 - span.0 >= FIT_SPACING {
+        return Ok(());
+    }
+    let ([from, to], (low, high)) = (paper.polynomial_of_range, map_span);
+    let message = format!(
+        "{from} to {to} is no range to fit: it must rise by {FIT_SPACING} or more within the map's {low} to {high}"
+    );
+    Err(Invalid::new("paper_mode.polynomial_of_range", message))
+}
+
+/// The part of the map that the polynomials are fitted to.
+fn fitted_span(paper: &PaperMode, (low, high): (f64, f64)) -> (f64, f64) {
+    let [from, to] = paper.polynomial_of_range;
+    (from.clamp(low, high), to.clamp(low, high))
+}
+
 /// Throat area times discharge coefficient (m²).
 fn throat_m2(engine: &Engine, condition: &EngineCondition) -> f64 {
     let nozzle = engine.nozzle();
@@ -285,7 +311,7 @@ fn throat_m2(engine: &Engine, condition: &EngineCondition) -> f64 {
 }
 
 /// State 2 at P2 and its vapour share: h₂ = h₁.
-fn inlet_state(feed: &FeedMap, inlet_pa: f64) -> (Stagnation, f64) {
+fn inlet_state(feed: &Feed<'_>, inlet_pa: f64) -> (Stagnation, f64) {
     let n2o = Nitrous::tables();
     let enthalpy_j_kg = feed.tank().enthalpy_j_kg;
     if inlet_pa < feed.flash_pa() {

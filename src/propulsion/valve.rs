@@ -237,6 +237,20 @@ impl ValveArea {
             let message = format!("{open_rad} rad, but the last angle of the area file is {last_rad} rad");
             return Err(Invalid::new("open_angle_rad", message));
         }
+        // A flow gives C_d A, and no coefficient exceeds 1.
+        let (what, opening_m2) = match self.measure {
+            "Cv" | "water flow" => ("C_d A", valve.discharge_coefficient * self.fully_open().1),
+            _ => ("area", self.fully_open().1),
+        };
+        let seat_m2 = core::f64::consts::PI * valve.seat_radius_m * valve.seat_radius_m;
+        // Measurement, and the digits of a nominal size.
+        if opening_m2 > 1.05 * seat_m2 {
+            let (opening_mm2, seat_mm2) = (opening_m2 * 1e6, seat_m2 * 1e6);
+            let message = format!(
+                "the seat is {seat_mm2:.4} mm2, but the area file opens up to {what} = {opening_mm2:.4} mm2"
+            );
+            return Err(Invalid::new("seat_radius_m", message));
+        }
         Ok(())
     }
 }
@@ -328,7 +342,7 @@ mod tests {
             let area = ValveArea::read(&text, &Valve { discharge_coefficient: cd, ..valve() }).unwrap();
             for (i, cv) in CV_60.iter().enumerate().skip(1) {
                 let angle_rad = (9.0 * i as f64).to_radians();
-                let flow_m3_s = cd * area.area_m2(angle_rad) * (2.0f64 * 6894.757_293 / 999.0).sqrt();
+                let flow_m3_s = cd * area.area_m2(angle_rad) * (2.0f64 * 6_894.757_293 / 999.0).sqrt();
                 let gallons_a_minute = flow_m3_s / 3.785_411_784e-3 * 60.0;
                 // The constant has eight digits.
                 assert!((gallons_a_minute - cv).abs() <= 1e-7 * cv, "{i}: {gallons_a_minute} {cv}");
@@ -390,6 +404,23 @@ mod tests {
             (worst.angle_deg - 60.0).abs() < 1e-9 && (worst.error_deg - 2.9286).abs() < 0.01,
             "{worst:?}"
         );
+    }
+
+    /// A spreadsheet's byte order mark is no part of the heading; an opening wider than its seat is a slip.
+    #[test]
+    fn a_spreadsheet_is_read_and_a_slip_of_units_is_not() {
+        let valve = valve();
+        let marked = ValveArea::read("\u{feff}percent_open,area_mm2\n0,0\n50,20\n100,80\n", &valve).unwrap();
+        assert!((marked.fully_open().1 - 80e-6).abs() < 1e-15);
+        assert_eq!(marked.validate(&valve), Ok(()));
+        // The seat of 6.35 mm has 126.7 mm2; Cv 5.5 is C_d A of 93, and 10 is 170.
+        let judged = |rows: &str| ValveArea::read(rows, &valve).unwrap().validate(&valve);
+        assert_eq!(judged("theta_deg,cv\n0,0\n90,5.5\n"), Ok(()));
+        for slip in
+            ["theta_deg,cv\n0,0\n90,10\n", "theta_deg,cv\n0,0\n90,1e6\n", "theta_deg,area_mm2\n0,0\n90,140\n"]
+        {
+            assert_eq!(judged(slip).unwrap_err().key, "seat_radius_m", "{slip}");
+        }
     }
 
     #[test]

@@ -8,11 +8,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::autopilot::Mission;
-use crate::disturbance::Disturbance;
+use crate::disturbance::{self, Disturbance};
 use crate::dynamics::slosh::SloshModel;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
-use crate::input::{Document, InputError, Invalid};
+use crate::input::{Document, Fault, InputError, Invalid};
 use crate::signal::ActuatorCommand;
 use crate::vehicle::Vehicle;
 
@@ -255,7 +255,7 @@ pub enum Fidelity {
     /// Everything the vehicle file says.
     #[default]
     Full,
-    /// The seed paper's scheme: explicit Euler at `paper_mode.step_s`, flow sweep, Isp and c* of O/F alone, one-way slosh, rigid body without jet damping, moving centre of mass or engine inertia. It overrides the model choices of vehicle and scenario, but not the actuators.
+    /// The seed paper's scheme: explicit Euler at `paper_mode.step_s`, flow sweep, Isp and c* of O/F alone, one-way slosh, rigid body without jet damping, moving centre of mass or engine inertia. Actuators stay as they are. It does not see what the file says of slosh.model, slosh.second_mode, slosh.hardening_law, slosh.baffle_damping_ratio, feed.tank.ullage, feed.line, feed.manifold, single_phase of valve and injector, engine.chamber.model, engine.depletion.model, engine.grain.fuel_flow_lag_s, nozzle separation, pressurant.bottle.model, droop and lock-up of the regulator, gimbal.engine_inertia and the scenario's [model]; physics.step_s and physics.integrator are refused beside it.
     Paper,
 }
 
@@ -358,7 +358,7 @@ pub struct Expect {
     /// Share of the fuel that must be left, at least.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub fuel_left_min_fraction: Option<f64>,
-    /// Share of the nitrous oxide that must be left, at least.
+    /// Share of the nitrous oxide that must be left as liquid, of that and what left the tank, at least; vapour on board counts as neither.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub nitrous_left_min_fraction: Option<f64>,
     /// Time from lift-off to first contact, at most (s).
@@ -410,14 +410,25 @@ pub struct Scenario {
 }
 
 impl ScenarioFile {
-    /// Applies `vehicle_set` to the vehicle's document; `place` names this scenario in messages.
+    /// Applies `vehicle_set` to the vehicle's document; messages name the lines of `scenario`, where they stand.
     ///
     /// # Errors
     /// When a key cannot be set; whether it is known is judged when the vehicle is read.
-    pub fn set_vehicle(&self, place: &str, vehicle: &mut Document) -> Result<(), InputError> {
+    pub fn set_vehicle(&self, scenario: &Document, vehicle: &mut Document) -> Result<(), InputError> {
         for (key, value) in &self.vehicle_set {
+            let place = scenario.place_of(&["vehicle_set", key]);
+            if value.is_object() {
+                let (mut dotted, mut inner) = (key.clone(), value);
+                while let Some((key, value)) = inner.as_object().and_then(|table| table.iter().next()) {
+                    dotted = format!("{dotted}.{key}");
+                    inner = value;
+                }
+                let message = format!("quote the dotted key: \"{dotted}\" = {inner}");
+                let fault = Fault { line: None, key: format!("vehicle_set.{key}"), message };
+                return Err(InputError { file: place, faults: vec![fault] });
+            }
             // Numbers, strings, booleans and lists are written alike in JSON and TOML.
-            vehicle.set_from(place, &format!("vehicle_set.\"{key}\""), key, &value.to_string())?;
+            vehicle.set_from(&place, &format!("vehicle_set.\"{key}\""), key, &value.to_string())?;
         }
         Ok(())
     }
@@ -456,10 +467,22 @@ impl ScenarioFile {
             faults
                 .push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
         }
-        for (index, disturbance) in file.disturbance.iter().enumerate() {
-            if let Err(fault) = disturbance.validate() {
-                faults.push(fault.within(&format!("disturbance.{index}")));
+        if file.fidelity == Fidelity::Paper {
+            let refused = |key: &str| {
+                Invalid::new(
+                    key,
+                    "has no effect beside fidelity = \"paper\", which is explicit Euler at the vehicle's paper_mode.step_s",
+                )
+            };
+            if file.physics.step_s != PLANT_STEP_S {
+                faults.push(refused("physics.step_s"));
             }
+            if file.physics.integrator != IntegratorKind::Rk4 {
+                faults.push(refused("physics.integrator"));
+            }
+        }
+        if let Err(fault) = disturbance::validate(&file.disturbance) {
+            faults.push(fault.within("disturbance"));
         }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
     }

@@ -352,14 +352,7 @@ impl Flight {
             touchdown,
             max_altitude_m: self.referee.max_altitude_m,
             hover: self.referee.hover(),
-            propellant: Propellant {
-                nitrous_used_kg: start.nitrous_kg - end.nitrous_kg,
-                nitrous_left_kg: end.nitrous_kg,
-                fuel_used_kg: start.fuel_kg - end.fuel_kg,
-                fuel_left_kg: end.fuel_kg,
-                nitrogen_rcs_kg: rcs,
-                nitrogen_vented_kg: vent,
-            },
+            propellant: self.propellant(),
             mass: MassBalance {
                 initial_kg: start.mass_kg,
                 final_kg: end.mass_kg,
@@ -378,6 +371,30 @@ impl Flight {
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);
         report.judge(&self.scenario.file.expect, flight_time_s, fc_must_fly);
         report
+    }
+
+    /// What each fluid has come to. Everything that the vehicle's mass lost is in one of the figures.
+    fn propellant(&self) -> Propellant {
+        let (start, end) = (&self.initial, &self.snapshot);
+        let nitrous_kg = |s: &Snapshot| s.nitrous_kg + s.nitrous_vapor_kg;
+        let nitrogen_kg = |s: &Snapshot| s.nitrogen_bottle_kg + s.nitrogen_ullage_kg;
+        let [_, rcs_kg, vent_kg] = end.expelled_kg;
+        let nitrogen_vented_kg = vent_kg - end.vented_vapor_kg;
+        Propellant {
+            nitrous_used_kg: nitrous_kg(start) - nitrous_kg(end),
+            nitrous_left_kg: end.nitrous_kg,
+            nitrous_vapor_kg: end.nitrous_vapor_kg,
+            fuel_used_kg: start.fuel_kg - end.fuel_kg,
+            fuel_left_kg: end.fuel_kg,
+            nitrogen_rcs_kg: rcs_kg,
+            nitrogen_vented_kg,
+            // Only an outlet that uncovers lets nitrogen into the engine; elsewhere the difference is round-off.
+            nitrogen_nozzle_kg: if self.scenario.vehicle.uncovering.is_some() {
+                nitrogen_kg(start) - nitrogen_kg(end) - rcs_kg - nitrogen_vented_kg
+            } else {
+                0.0
+            },
+        }
     }
 
     fn true_at_touchdown(&self) -> Option<Vec3> {

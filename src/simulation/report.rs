@@ -120,10 +120,13 @@ pub struct Hover {
 /// Fluids and fuel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Propellant {
-    /// Nitrous oxide used (kg).
+    /// Nitrous oxide that left the tank for good, liquid and vapour (kg).
     pub nitrous_used_kg: f64,
-    /// Nitrous oxide left (kg).
+    /// Liquid nitrous oxide left (kg).
     pub nitrous_left_kg: f64,
+    /// Nitrous oxide vapour in the run tank, neither used nor left as propellant (kg).
+    #[serde(default)]
+    pub nitrous_vapor_kg: f64,
     /// Fuel used (kg).
     pub fuel_used_kg: f64,
     /// Fuel left (kg).
@@ -132,6 +135,9 @@ pub struct Propellant {
     pub nitrogen_rcs_kg: f64,
     /// Nitrogen through the vent (kg).
     pub nitrogen_vented_kg: f64,
+    /// Nitrogen through the engine, once an outlet that uncovers draws gas (kg).
+    #[serde(default)]
+    pub nitrogen_nozzle_kg: f64,
 }
 
 /// Mass book-keeping.

@@ -49,9 +49,10 @@ impl<'a> Fed<'a> {
     pub fn step(&mut self, from_deg: f64, to_deg: f64, dt_s: f64, stages: Stages) {
         let at = |degrees: f64| FeedInput {
             valve_area_m2: self.engine.valve_area().area_m2(degrees.to_radians()),
+            head_pa: self.head_pa,
             condition: self.condition,
         };
-        let step = FeedStep { from: self.state, start: at(from_deg), head_pa: self.head_pa, stages };
+        let step = FeedStep { from: self.state, start: at(from_deg), stages };
         let next = self.engine.feed_point(&self.feed, &step, &at(to_deg), dt_s, self.guess);
         (self.state, self.point, self.guess) = (next.state, next.engine, next.engine.guess);
     }

@@ -53,7 +53,7 @@ pub fn try_scenario(name: &str, overrides: &[(&str, &str)]) -> Result<Scenario, 
     }
     let file = ScenarioFile::read(&document)?;
     let mut vehicle = Document::parse(&file.vehicle, &text(&folder().join(&file.vehicle)))?;
-    file.set_vehicle(name, &mut vehicle)?;
+    file.set_vehicle(&document, &mut vehicle)?;
     for (key, value) in overrides {
         if let Some(key) = of_vehicle(key) {
             vehicle.set(&key, value)?;

@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from hopbench_bench import Bench, run_hopbench, scenario_path
+from hopbench_bench import ROOT, Bench, run_hopbench, scenario_path
 
 
 def test_nothing_attached_flies_in_real_time():
@@ -94,3 +94,61 @@ def test_a_serial_line_too_slow_is_refused():
         bench.process.wait()
         result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", f"serial:{path}:115200", "--profile", "px4-hitl", "--json")
     assert result.code == 2 and "--sensor-hz" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "scenario, change, named",
+    [
+        ("static_fire_50", "initial.nitrous_kg=5", "initial.nitrous_kg: 5 is out of range; the tank holds"),
+        ("static_fire_50", "initial.port_radius_m=0.2", "initial.port_radius_m: 0.2 is out of range"),
+        ("hop_50m", "vehicle.vehicle.thrust_command_max_n=5000", "thrust_command_max_n"),
+        ("hop_50m", "sensors.enabled=false", "needs a command schedule"),
+        ("open_loop_a", "disturbance=[{name='a', thrust_bias=0.1, duration_s=0}]", "disturbance.0.duration_s"),
+        ("open_loop_a", "disturbance=[{name='a', thrust_bias=0.1}, {name='a', thrust_bias=0.1}]", "disturbance.1.name"),
+    ],
+)
+def test_check_refuses_what_fly_refuses(scenario, change, named):
+    checked = run_hopbench("check", scenario_path(scenario), "--set", change)
+    flown = run_hopbench("fly", scenario_path(scenario), "--set", change)
+    assert checked.code == flown.code == 2
+    assert checked.stderr == flown.stderr and named in checked.stderr
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "scenarios").glob("*.toml")))
+def test_check_passes_every_scenario(name):
+    result = run_hopbench("check", scenario_path(name))
+    assert result.code == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    "key, said",
+    [
+        ("expect.outcome", ['"landed", "tipped", "crashed"', '"tipped": Fell over on the ground.']),
+        ("physics.freeze", ['"com", "inertia", "port"', '"throat": The throat does not wear.']),
+        ("fidelity", ['"full", "paper"', "slosh.second_mode", "physics.integrator are refused"]),
+        ("initial.place", ['"pad", "free"']),
+    ],
+)
+def test_explain_lists_the_choices_and_what_they_mean(key, said):
+    result = run_hopbench("check", scenario_path("open_loop_a"), "--explain", key)
+    assert result.code == 0, result.stderr
+    for words in said:
+        assert words in result.stdout, result.stdout
+
+
+@pytest.mark.parametrize(
+    "line, named",
+    [
+        ('"feed.tank.lenght_m" = 0.3', ['unknown key', 'flight.toml:4 vehicle_set."feed.tank.lenght_m"']),
+        ('"feed.tank.length_m.x" = 0.3', ['flight.toml:4: vehicle_set."feed.tank.length_m.x"']),
+        ("feed.tank.length_m = 0.3", ["flight.toml:4: vehicle_set.feed: quote the dotted key", '"feed.tank.length_m" = 0.3']),
+    ],
+)
+def test_a_wrong_vehicle_set_names_its_line(line, named, tmp_path):
+    scenario = tmp_path / "flight.toml"
+    vehicle = ROOT / "scenarios" / "vehicles" / "reference.toml"
+    scenario.write_text(f'vehicle = "{vehicle}"\n[vehicle_set]\n"feed.tank.radius_m" = 0.08\n{line}\n')
+    result = run_hopbench("check", scenario)
+    assert result.code == 2
+    for words in named:
+        assert words in result.stderr, result.stderr

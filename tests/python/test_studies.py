@@ -25,7 +25,7 @@ def python(tmp_path_factory):
 @pytest.mark.long
 @pytest.mark.parametrize(
     "study, shown",
-    [("timestep_and_model.py", "| paper mode | 20 |"), ("couplings.py", "**hover**")],
+    [("timestep_and_model.py", "| paper mode | 20 |"), ("couplings.py", "**hover**"), ("static_fire.py", "| 100 | ")],
 )
 def test_a_study_runs_in_its_short_form(python, study, shown):
     environment = {**os.environ, "HOPBENCH": str(hopbench_binary())}

@@ -51,6 +51,34 @@ def test_a_mixture_ratio_outside_the_map_is_marked(tmp_path):
     assert all(point["of_clamped"] == (point["of_ratio"] < 3.0) for point in points)
 
 
+def test_without_fuel_there_is_no_mixture_ratio(tmp_path):
+    sweep = ["engine", VEHICLES / "reference.toml", "--sweep", "--port-radius-mm", "68"]
+    result = run_hopbench(*sweep, "--json", "--out", tmp_path)
+    assert result.code == 0, result.stderr
+    points = json.loads(result.stdout)["points"]
+    assert all(point["fuel_kg_s"] == 0 and point["of_ratio"] is None and point["of_clamped"] for point in points)
+    assert {row["of_ratio"] for row in csv.DictReader((tmp_path / "sweep.csv").open())} == {""}
+    assert "no fuel is left" in (tmp_path / "throttle_map.svg").read_text()
+    lines = run_hopbench(*sweep).stdout.splitlines()
+    assert sum("no fuel left" in line and " inf " in line for line in lines) == len(points)
+    one = run_hopbench("engine", VEHICLES / "reference.toml", "--thrust-n", "700", "--port-radius-mm", "68", "--json")
+    assert one.json["of_ratio"] is None
+
+
+def test_a_valve_map_of_a_spreadsheet_is_read_and_one_wider_than_its_seat_is_not(tmp_path):
+    folder = copy_of_vehicles(tmp_path)
+    check = ["check", folder / "reference.toml", "--set", 'vehicle.feed.valve.area_file="mine.csv"']
+    rows = "percent_open,area_mm2\n" + "".join(f"{10 * i},{0.8 * i * i}\n" for i in range(11))
+    (folder / "mine.csv").write_text("\ufeff" + rows, encoding="utf-8")
+    result = run_hopbench(*check)
+    assert result.code == 0, result.stderr
+    # Rows of a parabola: the worst is right to round-off, which has no sign.
+    assert "-0.000" not in result.stdout and "+0.000 deg from there" in result.stdout
+    (folder / "mine.csv").write_text("percent_open,cv\n0,0\n50,5\n100,1e6\n")
+    wrong = run_hopbench(*check)
+    assert wrong.code == 2 and "feed.valve.seat_radius_m" in wrong.stderr and "126.6769 mm2" in wrong.stderr
+
+
 def copy_of_vehicles(tmp_path):
     folder = tmp_path / "vehicles"
     folder.mkdir()

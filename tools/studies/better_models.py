@@ -19,7 +19,7 @@ MODELS = {
     "reference": {},
     "second slosh mode": {"vehicle.slosh.second_mode": True},
     "rotary coupling": {"vehicle.slosh.hardening_law": "radial"},
-    "baffle, 0.5": {"vehicle.slosh.baffle_damping_ratio": 0.5},
+    "baffle, 0.403": {"vehicle.slosh.baffle_damping_ratio": 0.403},
     "liquid that hardly rolls, 0.05": {"vehicle.slosh.roll_inertia_factor": 0.05},
     "two-phase manifold": {"vehicle.feed.manifold.model": "implicit"},
     "feed line 0.5 m, with head": {"vehicle.feed.line": LINE},

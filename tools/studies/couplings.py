@@ -27,10 +27,6 @@ NAMES = {
     "slosh": "slosh", "throat": "throat wear", "all": "all six", "told": "controller told lift-off values",
 }
 SIDESTEP = {"mission.target_north_east_m": [12.0, -8.0]}
-GUST = {
-    "wind.mean_speed_m_s": 4.0,
-    "wind.from_deg": 270.0,
-}
 
 
 # ------------------------------------------------------------------------------------------------ sensitivity
@@ -62,18 +58,21 @@ def flow_levels(levels):
     return markdown(header, rows), flights
 
 
+# The same mean thrust of 700 N in 10 s: seconds and newtons.
+SHAPES = {
+    "constant": [(0, 700)],
+    "step up": [(0, 400), (5, 1000)],
+    "step down": [(0, 1000), (5, 400)],
+    "square, 1 Hz": [(0.5 * k, 1000 if k % 2 == 0 else 400) for k in range(20)],
+    "ramp up": [(0.1 * k, 400 + 6 * (k + 0.5)) for k in range(100)],
+    "ramp down": [(0.1 * k, 1000 - 6 * (k + 0.5)) for k in range(100)],
+}
+
+
 def throttle_shapes():
-    """The same mean thrust of 700 N in 10 s, in five shapes."""
-    shapes = {
-        "constant": [(0, 700)],
-        "step up": [(0, 400), (5, 1000)],
-        "step down": [(0, 1000), (5, 400)],
-        "square, 1 Hz": [(0.5 * k, 1000 if k % 2 == 0 else 400) for k in range(20)],
-        "ramp up": [(0.1 * k, 400 + 6 * (k + 0.5)) for k in range(100)],
-        "ramp down": [(0.1 * k, 1000 - 6 * (k + 0.5)) for k in range(100)],
-    }
+    """The same mean thrust of 700 N in 10 s, in six shapes."""
     rows, base = [], None
-    for name, points in shapes.items():
+    for name, points in SHAPES.items():
         text = schedule([[t, n, 0, 0, 0] for t, n in points], COLUMNS)
         flight = fly("open_loop_a", {"duration_s": 10.0}, text)
         end = {key: flight[key][-1] for key in ("mass_kg", "com_z_m", "ixx_kg_m2", "port_radius_m", "fuel_kg", "nitrous_kg")}
@@ -120,6 +119,59 @@ def sloshing_mass(flight):
     r, xi = 0.095, 1.8411837813406594
     h = flight["nitrous_kg"] / (834.3181387 * math.pi * r * r)
     return flight["nitrous_kg"] * 2 * r * np.tanh(xi * h / r) / (xi * (xi * xi - 1) * h)
+
+
+SIDE_N, SIDE_S = 12.0, 0.3  # the standard push aside: 1 deg of gimbal at 700 N
+
+
+NO_AIR = {"vehicle.aero.drag_area_axial_m2": 0.0, "vehicle.aero.drag_area_lateral_m2": 0.0}
+
+
+def pushed(thrust, start_s, duration_s, extra):
+    """Flight under a thrust of (s, N) pairs with the standard push at `start_s`, the same force at any thrust; without air,
+    which would push the longer the faster the flight."""
+    times = sorted({round(float(t), 6) for t, _ in thrust} | {round(t, 6) for t in (start_s, start_s + SIDE_S)})
+    rows = []
+    for t in times:
+        now = [n for at, n in thrust if at <= t + 1e-6][-1]
+        side = SIDE_N if start_s <= t + 1e-6 < start_s + SIDE_S else 0.0
+        rows.append([t, now, math.degrees(math.asin(side / now)), 0, 0])
+    return fly("open_loop_a", {"duration_s": duration_s, **NO_AIR, **extra}, schedule(rows, COLUMNS), 200)
+
+
+def slosh_levels(levels):
+    """The standard push from full tanks, and on what 10 s of each thrust leave."""
+    rows = []
+    for thrust, before in levels:
+        cells = [thrust]
+        for nitrous in (before["nitrous_kg"][0], before["nitrous_kg"][-1]):
+            keys = {"initial.nitrous_kg": float(nitrous)}
+            two, one = (pushed([(0, thrust)], 0.1, 2.5, {**keys, **extra}) for extra in ({}, ONE_WAY))
+            if len(cells) == 1:
+                cells += [number(1e3 * two["oxidizer_kg_s"][10], 3), number(thrust / two["mass_kg"][10], 3)]
+            cells += [number(nitrous, 3), number(1e3 * np.max(np.abs(two["slosh_y_m"])))]
+            cells += [number(np.max(np.abs(flight["slosh_force_y_n"]))) for flight in (two, one)]
+        rows.append(cells)
+    after = ["N2O kg", "slosh mm", "force N", "one-way N"]
+    return markdown(["thrust N", "oxidiser g/s", "axial m/s2", *after, *(f"{name}, after 10 s" for name in after)], rows)
+
+
+def slosh_shapes():
+    """The standard push at 5 s, as the shapes step, and what is left of it 3 to 5 s later."""
+    # Twice the frequency of the liquid at 700 N: it swings out under one thrust and back under the other.
+    shapes = {**SHAPES, "square, 4.4 Hz": [(k / 8.8, 1000 if k % 2 == 0 else 400) for k in range(88)]}
+    rows = []
+    for name, thrust in shapes.items():
+        cells = []
+        for extra in ({}, ONE_WAY):
+            flight = pushed(thrust, 5.0, 10.0, extra)
+            for start, end in ((5.0, 6.0), (8.0, 10.0)):
+                inside = (flight.time >= start) & (flight.time <= end)
+                cells += [1e3 * np.max(np.abs(flight["slosh_y_m"][inside])), np.max(np.abs(flight["slosh_force_y_n"][inside]))]
+        rows.append([name, *(number(x) for x in cells)])
+        say(f"  {name}")
+    header = ["slosh mm, 5 to 6 s", "force N", "slosh mm, 8 to 10 s", "force N"]
+    return markdown(["shape", *header, *(f"one-way {name}" for name in header)], rows)
 
 
 def slosh_response(frequencies):
@@ -336,6 +388,8 @@ def main():
     table, curves = slosh_response(frequencies)
     say(f"\n### Lateral sine: gimbal of 0.3 deg at 700 N, 3 to 6 s\n\n{table}\n")
     say(f"\n### Lateral step: gimbal out for 0.3 s at 700 N\n\n{slosh_steps()}\n")
+    say(f"\n### A push of {SIDE_N:g} N for {SIDE_S:g} s: slosh force against oxidiser flow\n\n{slosh_levels(levels)}\n")
+    say(f"\n### The same push at 5 s: slosh force against throttle shape\n\n{slosh_shapes()}\n")
     say("closed loop")
     first, second, mean = closed_loop(range(1, arguments.seeds + 1), CASES)
     say(f"\n### Closed loop: rms difference to the flight with nothing held, same seed, mean of {arguments.seeds}\n\n{first}\n")

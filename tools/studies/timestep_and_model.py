@@ -88,12 +88,12 @@ def compare(texts, duration_s, converged):
         lost = worst["position"] > 1e3 or not np.isfinite(worst["position"]) or flight["time_s"][-1] < duration_s - 0.03
         cells = [
             worst["position"], worst["velocity"], worst["attitude"], 1e3 * worst["mass"], 1e3 * worst["com"],
-            worst["ixx"], float(np.median(d["thrust"])), 1e3 * worst["slosh"],
+            worst["ixx"], float(np.median(d["thrust"])), worst["thrust"], 1e3 * worst["slosh"],
         ]
         rows.append([name, f"{1e3 * step_s:g}", *(number(math.inf if lost else c) for c in cells)])
         say(f"  {name}, {1e3 * step_s:g} ms: {cells[0]:.2g} m, {cells[2]:.2g} deg")
     header = ["scheme", "step ms", "position m", "velocity m/s", "attitude deg", "mass g", "COM mm", "Ixx kg m2",
-              "thrust N (median)", "slosh mm"]
+              "thrust N (median)", "(greatest)", "slosh mm"]
     return markdown(header, rows), kept
 
 
@@ -122,10 +122,30 @@ def engine_table():
     return markdown([*header, "flow, paper", "flow, paper eff."], rows)
 
 
+RADIUS_M, DENSITY_KG_M3 = 0.095, 834.3181387
+
+
 def slosh_frequency(flight):
-    r = 0.095
-    h = flight["nitrous_kg"] / (834.3181387 * math.pi * r * r)
-    return np.sqrt(G * XI / r * np.tanh(XI * h / r))
+    h = flight["nitrous_kg"] / (DENSITY_KG_M3 * math.pi * RADIUS_M**2)
+    return np.sqrt(G * XI / RADIUS_M * np.tanh(XI * h / RADIUS_M))
+
+
+def sloshing_liquid():
+    """Mass of the first mode, which depends on the depth, beside the paper's constant fraction of the liquid."""
+    rows = []
+    for nitrous_kg in (13.47, 10.0, 7.0, 5.0, 3.0):
+        h = nitrous_kg / (DENSITY_KG_M3 * math.pi * RADIUS_M**2)
+        share = 2 * RADIUS_M * math.tanh(XI * h / RADIUS_M) / (XI * (XI * XI - 1) * h)
+        rows.append([f"{nitrous_kg:g}", f"{share * nitrous_kg:.2f}", f"{100 * share:.1f}", "7.5", f"{share / 0.075:.2f}"])
+    return markdown(["N2O kg", "first mode kg", "% of the liquid", "paper: m_frac/2 %", "ratio"], rows)
+
+
+def paper_hop():
+    """The autopilot's hop of 50 m on the paper's plant."""
+    flight = fly("hop_50m", PAPER, seed=1)
+    touch = flight.report["touchdown"]
+    force = np.hypot(flight["slosh_force_x_n"], flight["slosh_force_y_n"])[flight.time < touch["time_s"]]
+    return f"{flight.report['outcome']}, touchdown {touch['vertical_speed_m_s']:.2f} m/s, slosh force {np.median(force):.0f} N in the median, {np.max(force):.0f} N at most"
 
 
 def growth(flight, step_s, start_s, end_s):
@@ -182,6 +202,9 @@ def main():
     say("Euler limit")
     limit_table, points, limit = euler_limit()
     say(f"\n### Euler and the slosh mode\n\n{limit_table}\n")
+    say(f"paper mode at 20 ms, hop_50m: {paper_hop()}")
+    say(f"\n### The sloshing liquid\n\n{sloshing_liquid()}\n")
+    say(f"N^(1-n): {3**0.45:.2f} for 3 ports, {7**0.45:.2f} for 7; sqrt(T/W) at 1.6 m/s2 upward: {math.sqrt(1 + 1.6 / G):.3f}")
 
     # Differences against time.
     fig, axes = figure(3, 2)

@@ -8,6 +8,7 @@ use hopbench::input::{Fault, InputError};
 use hopbench::plant::signs;
 use hopbench::propulsion::ValveMapCheck;
 use hopbench::scenario::ScenarioFile;
+use hopbench::simulation::Flight;
 use hopbench::vehicle::VehicleFile;
 use serde_json::json;
 
@@ -65,7 +66,14 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     let vehicle = match kind {
         Kind::Vehicle => load::vehicle(&args.file, &common.set)?,
-        Kind::Scenario => load::scenario(&args.file, &common.set, None)?.vehicle,
+        Kind::Scenario => {
+            let scenario = load::scenario(&args.file, &common.set, None)?;
+            // All that a flight is refused for before its first step.
+            let seed = common.seed.unwrap_or(scenario.file.seed);
+            load::flyable(&args.file, &scenario)?;
+            Flight::new(&scenario, seed).map_err(|fault| load::contradiction(&args.file, fault))?;
+            scenario.vehicle
+        }
     };
     if args.signs {
         let table = signs::table(&vehicle).map_err(|fault| load::contradiction(&args.file, fault))?;
@@ -124,7 +132,8 @@ pub(super) fn valve_map(map: &ValveMapCheck) -> String {
             "; worst row {:.3} deg: the others put its {:.4} mm2 at {:+.3} deg from there",
             worst.angle_deg,
             worst.area_m2 * 1e6,
-            worst.error_deg
+            // No minus before what rounds to nothing.
+            if worst.error_deg.abs() < 5e-4 { 0.0 } else { worst.error_deg }
         );
     }
     text + "."

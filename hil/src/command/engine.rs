@@ -121,8 +121,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if common.json {
         print_json(&point)?;
     } else {
-        let mark = if point.saturated { "  saturated" } else { "" };
-        print_text(&format!("{title}{HEADING}\n{}{mark}\n", row(&point)))?;
+        let mut marks = String::new();
+        for (holds, mark) in [(point.saturated, "  saturated"), (point.of_ratio.is_none(), "  no fuel left")]
+        {
+            marks += if holds { mark } else { "" };
+        }
+        print_text(&format!("{title}{HEADING}\n{}{marks}\n", row(&point)))?;
     }
     Ok(ExitCode::from(DONE))
 }
@@ -138,7 +142,7 @@ fn row(p: &Point) -> String {
         p.valve_area_m2 * 1e6,
         p.oxidizer_kg_s,
         p.fuel_kg_s,
-        p.of_ratio,
+        p.of_ratio.unwrap_or(f64::INFINITY),
         p.chamber_pa * 1e-5,
         p.injector_inlet_pa * 1e-5,
         p.quality,
@@ -155,6 +159,7 @@ fn sweep_text(title: &str, map: &ThrottleMap, vehicle: &Vehicle) -> String {
         for (holds, mark) in [
             (demanded.below_minimum_command, "below minimum"),
             (demanded.point.saturated, "saturated"),
+            (demanded.point.of_ratio.is_none(), "no fuel left"),
             (demanded.of_clamped, "O/F outside the map"),
             (demanded.nozzle != "full", demanded.nozzle),
         ] {

@@ -47,9 +47,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         .into());
     }
     let scenario = load::scenario(&args.scenario, &common.set, args.commands.as_deref())?;
-    if scenario.schedule.is_none() && !scenario.file.sensors.enabled {
-        return Err(load::unusable(&args.scenario, "sensors.enabled = false needs a command schedule").into());
-    }
+    load::flyable(&args.scenario, &scenario)?;
     let seed = common.seed.unwrap_or(scenario.file.seed);
     let folder = common.out.as_deref().map(RunFolder::create).transpose()?;
     let mut table = args.csv.as_deref().map(|path| Table::create(path, args.csv_rate)).transpose()?;

@@ -1,0 +1,70 @@
+//! Play of the gimbal: what the body feels when it is taken up or left.
+//!
+//! Inside the play the engine stands still against the body, beyond it follows the servo; which of the two holds during
+//! a step ([`crate::actuator::Servo::output`]). So angle and rate of the engine jump between steps, and
+//! vehicle and liquid take the blow: their velocities jump such that momentum about the pivot stays as it was.
+
+use super::Plant;
+use super::continuous::stores;
+use crate::dynamics::Load;
+use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms};
+use crate::dynamics::rigid_body::{self, Balance, Swing};
+use crate::dynamics::slosh::SloshState;
+use crate::frame::Vec3;
+
+impl Plant {
+    /// Takes in where a step has left the gimbal's play and friction.
+    pub(super) fn take_up_gimbal(&mut self) {
+        let swings = self.vehicle.gimbal.engine_inertia && !self.options.clamped;
+        let before =
+            (self.vehicle.gimbal_servo.backlash_rad > 0.0 && swings).then(|| self.gimbal(&self.state).0);
+        let state = &self.state;
+        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
+            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
+        }
+        let Some(before) = before else { return };
+        let after = self.gimbal(&self.state).0;
+        if (after.angle_rad, after.rate_rad_s) == (before.angle_rad, before.rate_rad_s) {
+            return;
+        }
+
+        let (vehicle, state) = (&self.vehicle, &self.state);
+        let supply = vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa);
+        let (nitrogen_run_tank_kg, nitrogen_bottle_kg, _) = self.frozen.nitrogen(supply.nitrogen(), 0.0);
+        let contents = Contents {
+            nitrous_kg: state.nitrous_kg,
+            nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
+            port_radius_m: state.port_radius_m,
+            nitrogen_run_tank_kg,
+            nitrogen_bottle_kg,
+        };
+        let mut mass = vehicle.mass.evaluate(&contents, &ContentsRate::default());
+        self.frozen.hold(&mut mass);
+        let modes =
+            vehicle.slosh.modes(vehicle.mass.tank(), state.nitrous_kg, vehicle.nitrous_density_kg_m3, 0.0);
+        let slosh_states =
+            [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
+                .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() });
+        let still = FlowTerms::none();
+        let balance = |gimbal| Balance {
+            vehicle: &mass.vehicle,
+            flow: &still,
+            rate_body_rad_s: state.rate_body_rad_s,
+            load: Load::NONE,
+            slosh: [0, 1].map(|n: usize| modes[n].as_ref().map(|mode| (mode, &slosh_states[n]))),
+            swing: Some(Swing { part: &mass.swinging, gimbal }),
+        };
+        let attitude = state.attitude();
+        let velocity_body_m_s = attitude.inverse() * state.velocity_ned_m_s;
+        let jump = rigid_body::jolt(&balance(before), &balance(after), velocity_body_m_s);
+
+        let imu = Vec3::from(vehicle.sensors.imu.position_m);
+        let [first, second] = jump.slosh_body_m_s2.map(|jump_m_s| Vec3::new(jump_m_s.x, jump_m_s.y, 0.0));
+        let state = &mut self.state;
+        state.velocity_ned_m_s += attitude * jump.specific_force_body_m_s2;
+        state.rate_body_rad_s += jump.angular_body_rad_s2;
+        state.slosh_m_s += first;
+        state.second_slosh_m_s += second;
+        state.imu_velocity_body_m_s += jump.specific_force_at(imu, Vec3::zeros());
+    }
+}

@@ -1,0 +1,252 @@
+//! [`FeedGrid`]: the feed system of a tank whose pressure and temperature move.
+//!
+//! A [`FeedMap`] is for one state of the tank and costs some steps' time. Maps stand on a grid of pressures and
+//! temperatures around the first state, and what they give is taken as linear over the triangle of three of them
+//! in which the tank's state lies: continuous across the triangles' sides, so a flight converges with its step.
+//! Maps are blended at the same place between floor, flash pressure and tank pressure, so that the kink at the
+//! flash pressure stays one. [`Feed`] is the view at one state: every stage of the integrator sees its own. On a
+//! node of the grid it is the node's map alone, so a tank that keeps its first state costs nothing.
+//!
+//! Linear over 0.5 bar and 0.25 K errs by an eighth of the second difference: 2e-5 of the valve's flow.
+
+use super::feed_map::{FeedMap, Inlet};
+use crate::fluid::{Nitrous, Stagnation};
+
+/// Spacing of the grid: Pa and K.
+const SPACING: [f64; 2] = [5e4, 0.25];
+/// Nearer to a node than this share of the spacing is on it: 5 mPa, less than P2 is solved to.
+const ON_NODE: f64 = 1e-7;
+/// Maps that are kept: a triangle, and one that hovering around a node of the grid comes back to.
+const MAPS: usize = 4;
+
+/// Maps around the state of a tank.
+#[derive(Clone, Debug)]
+pub struct FeedGrid {
+    origin: [f64; 2],
+    maps: [FeedMap; MAPS],
+    nodes: [Option<[i32; 2]>; MAPS],
+    /// When each map was last wanted.
+    wanted: [u64; MAPS],
+    clock: u64,
+    triangle: Triangle,
+}
+
+/// Half a cell of the grid: constant inside a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Triangle {
+    cell: [i32; 2],
+    /// Temperature has come farther from the cell's first corner than pressure.
+    warm: bool,
+    /// Its maps; those without weight need not exist.
+    corners: [Option<usize>; 3],
+}
+
+/// The feed system at one state of the tank.
+#[derive(Clone, Copy, Debug)]
+pub struct Feed<'a> {
+    first: &'a FeedMap,
+    blend: Option<Blend<'a>>,
+}
+
+/// Between maps.
+#[derive(Clone, Copy, Debug)]
+struct Blend<'a> {
+    parts: [(f64, &'a FeedMap); 3],
+    tank: Stagnation,
+    flash_pa: f64,
+}
+
+impl<'a> From<&'a FeedMap> for Feed<'a> {
+    fn from(map: &'a FeedMap) -> Self {
+        Self { first: map, blend: None }
+    }
+}
+
+impl<'a> From<&Feed<'a>> for Feed<'a> {
+    fn from(feed: &Feed<'a>) -> Self {
+        *feed
+    }
+}
+
+impl FeedGrid {
+    /// Around the state that a map is for.
+    pub fn new(map: FeedMap) -> Self {
+        let (tank_pa, tank_k) = map.built_for();
+        let mut nodes = [None; MAPS];
+        nodes[0] = Some([0, 0]);
+        Self {
+            origin: [tank_pa, tank_k],
+            maps: std::array::from_fn(|_| map.clone()),
+            nodes,
+            wanted: [0; MAPS],
+            clock: 0,
+            triangle: Triangle { cell: [0, 0], warm: false, corners: [Some(0), None, None] },
+        }
+    }
+
+    /// What the next step's stages are blended from.
+    pub fn triangle(&self) -> Triangle {
+        self.triangle
+    }
+
+    /// At a state of the tank; somewhat beyond the triangle the same plane goes on.
+    #[inline]
+    pub fn at(&self, tank_pa: f64, tank_k: f64) -> Feed<'_> {
+        let Triangle { cell, warm, corners } = self.triangle;
+        let place = self.place(tank_pa, tank_k);
+        let from = |axis: usize| (place[axis] - f64::from(cell[axis])).clamp(-1.0, 2.0);
+        let (long, short) = if warm { (from(1), from(0)) } else { (from(0), from(1)) };
+        let map = |corner: usize| corners[corner].map(|at| &self.maps[at]);
+        let first = map(0).unwrap_or(&self.maps[0]);
+        // A map that does not exist yet does from the next step on.
+        let third = map(2).map_or(0.0, |_| short);
+        let second = map(1).map_or(0.0, |_| long - third);
+        if second == 0.0 && third == 0.0 {
+            return Feed { first, blend: None };
+        }
+        let (b, c) = (map(1).unwrap_or(first), map(2).unwrap_or(first));
+        let parts = [(1.0 - second - third, first), (second, b), (third, c)];
+        Feed { first, blend: Some(Blend::of(parts)) }
+    }
+
+    /// Follows the tank to another state: makes the maps that its triangle lacks. No allocation.
+    pub fn follow(&mut self, tank_pa: f64, tank_k: f64) {
+        let [u, v] = self.place(tank_pa, tank_k);
+        let cell = [u.floor(), v.floor()].map(|x| x as i32);
+        let (fu, fv) = (u - u.floor(), v - v.floor());
+        let warm = fv > fu;
+        let (long, short) = if warm { (fv, fu) } else { (fu, fv) };
+        let [i, j] = cell;
+        let nodes = [[i, j], if warm { [i, j + 1] } else { [i + 1, j] }, [i + 1, j + 1]];
+        let weights = [1.0 - long, long - short, short];
+        let now = &self.triangle;
+        let complete = (0..3).all(|k| weights[k] <= 0.0 || now.corners[k].is_some());
+        if now.cell == cell && now.warm == warm && complete {
+            return;
+        }
+        self.clock += 1;
+        let mut corners = nodes.map(|node| self.nodes.iter().position(|at| *at == Some(node)));
+        for at in corners.into_iter().flatten() {
+            self.wanted[at] = self.clock;
+        }
+        for corner in 0..3 {
+            if corners[corner].is_none() && weights[corner] > 0.0 {
+                corners[corner] = Some(self.make(nodes[corner]));
+            }
+        }
+        self.triangle = Triangle { cell, warm, corners };
+    }
+
+    /// The map of a node, in place of the one that has not been wanted for longest.
+    fn make(&mut self, node: [i32; 2]) -> usize {
+        let mut oldest = 0;
+        for at in 1..MAPS {
+            if self.wanted[at] < self.wanted[oldest] {
+                oldest = at;
+            }
+        }
+        let state: [f64; 2] =
+            std::array::from_fn(|axis| self.origin[axis] + f64::from(node[axis]) * SPACING[axis]);
+        self.maps[oldest].rebuild(state[0], state[1]);
+        self.nodes[oldest] = Some(node);
+        self.wanted[oldest] = self.clock;
+        oldest
+    }
+
+    /// Where a state is on the grid.
+    #[inline]
+    fn place(&self, tank_pa: f64, tank_k: f64) -> [f64; 2] {
+        let state = [tank_pa, tank_k];
+        std::array::from_fn(|axis| {
+            let place = (state[axis] - self.origin[axis]) / SPACING[axis];
+            let node = place.round();
+            if (place - node).abs() < ON_NODE { node } else { place }
+        })
+    }
+}
+
+impl<'a> Feed<'a> {
+    /// The liquid in the tank.
+    #[inline]
+    pub fn tank(&self) -> &Stagnation {
+        match &self.blend {
+            None => self.first.tank(),
+            Some(blend) => &blend.tank,
+        }
+    }
+
+    /// Pressure at which the isenthalp from the tank begins to boil (Pa).
+    pub fn flash_pa(&self) -> f64 {
+        self.blend.as_ref().map_or(self.first.flash_pa(), |blend| blend.flash_pa)
+    }
+
+    /// State 2 and the flux of the valve at a pressure between valve and injector.
+    #[inline]
+    pub fn inlet(&self, inlet_pa: f64) -> Inlet {
+        match &self.blend {
+            None => self.first.inlet(inlet_pa),
+            Some(blend) => blend.inlet(inlet_pa),
+        }
+    }
+
+    /// Flux of the injector (kg/(m² s)) from an inlet state into the chamber.
+    #[inline]
+    pub fn injector_flux_kg_m2_s(&self, inlet: &Inlet, chamber_pa: f64) -> f64 {
+        self.first.injector_flux_kg_m2_s(inlet, chamber_pa)
+    }
+}
+
+impl<'a> Blend<'a> {
+    fn of(parts: [(f64, &'a FeedMap); 3]) -> Self {
+        let mean = |of: fn(&FeedMap) -> f64| parts.iter().map(|(weight, map)| weight * of(map)).sum();
+        Self {
+            tank: Stagnation {
+                pressure_pa: mean(|map| map.tank().pressure_pa),
+                vapor_pressure_pa: mean(|map| map.tank().vapor_pressure_pa),
+                density_kg_m3: mean(|map| map.tank().density_kg_m3),
+                enthalpy_j_kg: mean(|map| map.tank().enthalpy_j_kg),
+                entropy_j_kg_k: mean(|map| map.tank().entropy_j_kg_k),
+            },
+            flash_pa: mean(FeedMap::flash_pa),
+            parts,
+        }
+    }
+
+    #[inline(never)]
+    fn inlet(&self, inlet_pa: f64) -> Inlet {
+        let (floor_pa, flash_pa, tank) = (Nitrous::LEAST_PA, self.flash_pa, &self.tank);
+        let flashing = inlet_pa < flash_pa;
+        let (from_pa, to_pa) = if flashing { (floor_pa, flash_pa) } else { (flash_pa, tank.pressure_pa) };
+        let share = if to_pa > from_pa { (inlet_pa - from_pa) / (to_pa - from_pa) } else { 1.0 };
+        let mut blended = Inlet {
+            state: Stagnation {
+                pressure_pa: inlet_pa,
+                vapor_pressure_pa: 0.0,
+                density_kg_m3: 0.0,
+                enthalpy_j_kg: tank.enthalpy_j_kg,
+                entropy_j_kg_k: 0.0,
+            },
+            quality: 0.0,
+            critical_pa: 0.0,
+            critical_flux_kg_m2_s: 0.0,
+            valve_flux_kg_m2_s: 0.0,
+        };
+        for (weight, map) in self.parts.iter().filter(|(weight, _)| *weight != 0.0) {
+            let (from_pa, to_pa) =
+                if flashing { (floor_pa, map.flash_pa()) } else { (map.flash_pa(), map.tank().pressure_pa) };
+            let inlet = map.inlet(from_pa + share * (to_pa - from_pa));
+            blended.state.vapor_pressure_pa += weight * inlet.state.vapor_pressure_pa;
+            blended.state.density_kg_m3 += weight * inlet.state.density_kg_m3;
+            blended.state.entropy_j_kg_k += weight * inlet.state.entropy_j_kg_k;
+            blended.quality += weight * inlet.quality;
+            blended.critical_pa += weight * inlet.critical_pa;
+            blended.critical_flux_kg_m2_s += weight * inlet.critical_flux_kg_m2_s;
+            blended.valve_flux_kg_m2_s += weight * inlet.valve_flux_kg_m2_s;
+        }
+        let vapor_pa = blended.state.vapor_pressure_pa;
+        blended.state.vapor_pressure_pa = if flashing { inlet_pa } else { vapor_pa.min(inlet_pa) };
+        blended.quality = blended.quality.max(0.0);
+        blended.valve_flux_kg_m2_s = blended.valve_flux_kg_m2_s.max(0.0);
+        blended
+    }
+}
