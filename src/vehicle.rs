@@ -254,6 +254,9 @@ impl VehicleFile {
             }
         };
         self.refuse_gas_in_a_feed_that_stores(&mut note);
+        let (tank, regulator) = (&self.feed.tank, &self.pressurant.regulator);
+        note(regulator.validate(), "pressurant.regulator");
+        note(tank.ullage.validate(tank.pressure_pa, tank.temperature_k, regulator), "feed.tank.ullage");
         if self.slosh.second_mode && self.slosh.model != SloshModel::TwoWay {
             note(Err(Invalid::new("", "true needs slosh.model = \"two_way\"")), "slosh.second_mode");
         }

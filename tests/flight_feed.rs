@@ -1,12 +1,14 @@
 //! Flights with everything that the feed system and the grain can store: the hop lands, mass is kept, a shut
-//! valve ends in nothing, and a throttle step is as slow as linear theory says.
+//! valve ends in nothing, and throttle and fuel are as slow as linear theory says.
 
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // figures for the record
 
+mod bare_engine;
 mod files;
 
 use files::scenario;
 use hopbench::plant::{Plant, Snapshot};
+use hopbench::propulsion::{EngineCondition, FeedMap, Guess};
 use hopbench::scenario::Outcome;
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
 use hopbench::simulation::{self, Report};
@@ -216,6 +218,51 @@ fn the_hop_lands_with_everything_on() {
 }
 
 /// The fuel's lag in closed form, at constant oxidiser: 1 - exp(-t/τ) of a step.
+#[test]
+fn fuel_follows_a_step_of_oxidiser_along_an_exponential() {
+    let tau_s = 0.1;
+    let mut vehicle = bare_engine::vehicle();
+    vehicle.engine.grain.fuel_flow_lag_s = tau_s;
+    let engine = bare_engine::engine_of(&vehicle);
+    let grain = &vehicle.engine.grain;
+    let feed = FeedMap::new(65e5, 290.0);
+    // The outlet's limit, not the pressures, sets the flow: exactly constant.
+    let point = |oxidizer_kg_s: f64, fuel_flow_kg_s: f64| {
+        let condition = EngineCondition {
+            oxidizer_flow_limit_kg_s: oxidizer_kg_s,
+            fuel_flow_kg_s: Some(fuel_flow_kg_s),
+            ..bare_engine::condition(30.0, 17.0)
+        };
+        let point = engine.operating_point(&feed, 1.2e-4, &condition, Guess::default());
+        assert!((point.oxidizer_kg_s - oxidizer_kg_s).abs() < 1e-12, "{} kg/s", point.oxidizer_kg_s);
+        point
+    };
+    let before = point(0.2, 0.0).steady_fuel_kg_s;
+    let after = point(0.3, 0.0).steady_fuel_kg_s;
+    // Marxman's law: as the oxidiser's flux to its exponent.
+    let law = libm::pow(0.3 / 0.2, grain.regression_exponent);
+    println!("{before:.5} to {after:.5} kg/s");
+    assert!((after / before / law - 1.0).abs() < 1e-6, "{}", after / before);
+    let rate = |fuel_kg_s: f64| {
+        let now = point(0.3, fuel_kg_s);
+        assert!((now.fuel_kg_s - fuel_kg_s).abs() < 1e-9, "what burns is what lags: {} kg/s", now.fuel_kg_s);
+        grain.fuel_flow_rate_kg_s2(fuel_kg_s, now.steady_fuel_kg_s)
+    };
+    let (mut fuel_kg_s, mut worst, dt_s) = (before, 0.0f64, 1e-3);
+    for step in 1..=500 {
+        let k1 = rate(fuel_kg_s);
+        let k2 = rate(fuel_kg_s + 0.5 * dt_s * k1);
+        let k3 = rate(fuel_kg_s + 0.5 * dt_s * k2);
+        let k4 = rate(fuel_kg_s + dt_s * k3);
+        fuel_kg_s += dt_s / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
+        let share = (fuel_kg_s - before) / (after - before);
+        worst = worst.max((share - (1.0 - libm::exp(-1e-3 * f64::from(step) / tau_s))).abs());
+    }
+    println!("{worst:.1e} of the step off 1 - exp(-t/tau)");
+    // RK4 at h = τ/100: t/τ h^4/120 exp(-t/τ), 3e-11 at the most, and round-off.
+    assert!(worst < 1e-10, "{worst:e}");
+}
+
 #[test]
 fn shortest_lag_is_a_step_and_shorter_ones_are_refused() {
     let refused = files::try_scenario("hop_50m", &[("vehicle.engine.grain.fuel_flow_lag_s", "0.0005")]);

@@ -8,7 +8,8 @@ use bare_engine::vehicle;
 use hopbench::fluid::RealGas;
 use hopbench::integrator::{Integrable, rk4_step};
 use hopbench::propulsion::{
-    BottleModel, GasBalance, GasState, Pressurant, Stores, StoresRate, Tank, UllageModel, Withdrawal,
+    BottleModel, GasBalance, GasState, NitrogenInventory, Pressurant, PressurantGas, Stores, StoresRate,
+    Tank, UllageModel, Withdrawal,
 };
 use proptest::prelude::*;
 
@@ -172,61 +173,199 @@ fn mass_and_energy_close_to_a_billionth() {
     }
 }
 
-#[test]
-fn the_second_code_agrees() {
+/// The rows of the second code of some kinds, each within what is allowed.
+fn against_the_second_code(kinds: &[&str], allowed: impl Fn(&str, &[f64]) -> f64) {
     let text = include_str!("reference/gas_balance.csv");
-    let mut worst = [0.0f64; 3];
     let mut rows = 0;
     for line in text.lines().filter(|l| !l.starts_with('#')).skip(1) {
         let mut cells = line.split(',');
         let kind = cells.next().unwrap();
+        if !kinds.contains(&kind) {
+            continue;
+        }
         let v: Vec<f64> = cells.filter(|c| !c.is_empty()).map(|c| c.parse().unwrap()).collect();
         let (mut pressurant, mut tank) = parts();
-        let see = |worst: &mut f64, ours: f64, theirs: f64| {
-            *worst = worst.max((ours - theirs).abs() / theirs.abs().max(1e-2));
-        };
-        rows += 1;
-        if kind == "bottle" {
-            pressurant.bottle.wall_conductance_w_k = v[0];
-            let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
-            let at = start(&balance, &pressurant, &tank);
-            let out = Withdrawal { thrusters_kg_s: v[1], ..Withdrawal::default() };
-            let end = run(&balance, at, out, v[2], |_| {}).0;
-            let bottle_pa = balance.look(&end).nitrogen.bottle_pa;
-            let ours = [end.gas.bottle_kg, end.gas.bottle_k, bottle_pa, end.gas.wall_k];
-            for (ours, theirs) in ours.into_iter().zip(&v[3..]) {
-                see(&mut worst[0], ours, *theirs);
+        let mut out = Withdrawal { liquid_kg_s: 0.4, ..Withdrawal::default() };
+        match kind {
+            "bottle" => {
+                pressurant.bottle.wall_conductance_w_k = v[0];
+                out = Withdrawal { thrusters_kg_s: v[1], ..Withdrawal::default() };
             }
-        } else {
+            "droop" | "lockup" => {
+                pressurant.regulator.droop_pa_s_kg = 3.3e6;
+                pressurant.regulator.lockup_pa = 0.4e5;
+            }
+            "blow_down" => pressurant.bottle.pressure_pa = 120e5,
+            _ => {}
+        }
+        if kind == "lockup" {
+            out.liquid_kg_s = 0.0;
+        }
+        if kind != "bottle" {
             tank.ullage.vapor_conductance_kg_s_pa = v[0];
             tank.ullage.vapor_saturation = v[1];
-            let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
-            let at = start(&balance, &pressurant, &tank);
-            let out = Withdrawal { liquid_kg_s: 0.4, ..Withdrawal::default() };
-            let end = run(&balance, at, out, v[2], |_| {}).0;
-            let view = balance.look(&end).nitrogen;
-            let gas = &end.gas;
-            let ours = [
-                gas.bottle_kg,
-                gas.bottle_k,
-                view.bottle_pa,
-                gas.wall_k,
-                view.tank_kg,
-                gas.vapor_kg,
-                gas.ullage_k,
-                view.tank_pa,
-                end.nitrous_kg,
-                gas.liquid_k,
-            ];
-            for (ours, theirs) in ours.into_iter().zip(&v[3..]) {
-                see(&mut worst[if v[0] == 1.0 { 2 } else { 1 }], ours, *theirs);
+        }
+        let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
+        let at = start(&balance, &pressurant, &tank);
+        let end = run(&balance, at, out, v[2], |_| {}).0;
+        let (view, gas) = (balance.look(&end).nitrogen, &end.gas);
+        let bottle = [gas.bottle_kg, gas.bottle_k, view.bottle_pa, gas.wall_k];
+        let tank = [view.tank_kg, gas.vapor_kg, gas.ullage_k, view.tank_pa, end.nitrous_kg, gas.liquid_k];
+        let names = ["bottle kg", "bottle K", "bottle Pa", "wall K"].into_iter().chain([
+            "tank kg",
+            "vapour kg",
+            "ullage K",
+            "tank Pa",
+            "liquid kg",
+            "liquid K",
+        ]);
+        let mut worst = (0.0, "");
+        for ((ours, theirs), name) in bottle.into_iter().chain(tank).zip(&v[3..]).zip(names) {
+            let apart = (ours - theirs).abs() / theirs.abs().max(1e-2);
+            if apart > worst.0 {
+                worst = (apart, name);
             }
         }
+        let allowed = allowed(kind, &v);
+        println!("{kind} {:?}: {:.1e} in {}, allowed {allowed:.1e}", &v[..3], worst.0, worst.1);
+        assert!(worst.0 < allowed, "{kind} {:?}: {worst:?}", &v[..3]);
+        rows += 1;
     }
-    assert_eq!(rows, 18);
-    println!("bottle {:.1e}, drain {:.1e}, with mist {:.1e}", worst[0], worst[1], worst[2]);
-    // Droplets of mist take no room here, 1 % of their share; the second code lets them.
-    assert!(worst[0] < 1e-4 && worst[1] < 1e-4 && worst[2] < 1e-2, "{worst:?}");
+    assert!(rows >= 2 * kinds.len(), "{rows}");
+}
+
+/// What steps may cost: DOP853 keeps 1e-9 of each step, over some hundreds of them 1e-7; RK4 at 1 ms with a regulator of
+/// 20 ms (1/20)^4/120 = 5e-8; ten printed digits 5e-10. The tables' errors, spacing to the fourth, are below that
+/// between 200 and 300 K.
+const STEPS: f64 = 2e-7;
+
+#[test]
+fn the_second_code_agrees() {
+    against_the_second_code(&["bottle", "drain"], |_, v| {
+        // Mist begins after 2 s. Its droplets take no room here; the second code lets them, ρ_v/ρ_l = 20 % of the
+        // condensed share, a few per cent of the vapour.
+        if v[0] == 1e-6 && v[2] > 2.0 { 1e-2 } else { STEPS }
+    });
+}
+
+#[test]
+fn the_second_code_agrees_on_droop_and_lock_up() {
+    against_the_second_code(&["droop", "lockup"], |_, _| STEPS);
+}
+
+/// The second code boils twenty times nearer to the vapour pressure. Ours lags by E/g, evaporation 25 g/s over
+/// g = V/(R T · 20 ms) = 1.4e-5 kg/(s Pa): 1.8 kPa, at 110 kPa/K 16 mK in a liquid of 22 kJ/K, whose 360 J would
+/// evaporate 2 g of 247 g: 9e-3.
+#[test]
+fn the_second_code_agrees_on_blow_down_and_boiling() {
+    against_the_second_code(&["blow_down"], |_, v| if v[2] < 20.0 { STEPS } else { 9e-3 });
+}
+
+/// Both gases at constant temperature, and a start at the set pressure.
+fn isothermal(change: impl Fn(&mut Pressurant)) -> (Pressurant, GasBalance, Stores) {
+    let (mut pressurant, mut tank) = parts();
+    pressurant.bottle.model = BottleModel::Isothermal;
+    tank.ullage.model = UllageModel::ConstantTemperature;
+    change(&mut pressurant);
+    let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
+    let at = start(&balance, &pressurant, &tank);
+    (pressurant, balance, at)
+}
+
+/// P = P_set - k ṁ, with ṁ = ρ(P, T) q of the nitrogen that takes the liquid's room.
+#[test]
+fn a_drained_tank_droops_by_the_flow_of_nitrogen() {
+    for droop in [1e6, 3.3e6, 1e7] {
+        let (_, balance, at) = isothermal(|p| p.regulator.droop_pa_s_kg = droop);
+        let out = Withdrawal { liquid_kg_s: 0.4, ..Withdrawal::default() };
+        let end = run(&balance, at, out, 20.0, |_| {}).0;
+        let view = balance.look(&end);
+        let flow_kg_s = -balance.rate(&view, &out).gas.bottle_kg;
+        let (tank_pa, tank_k) = (view.nitrogen.tank_pa, end.gas.ullage_k);
+        let room_m3_s = 0.4 / LIQUID_KG_M3;
+        let (mut low, mut high) = (0.0, 65e5);
+        for _ in 0..60 {
+            let p = 0.5 * (low + high);
+            let left = 65e5 - droop * RealGas::nitrogen().density_kg_m3(p, tank_k) * room_m3_s - p;
+            if left > 0.0 { low = p } else { high = p }
+        }
+        println!("droop {droop:e}: {tank_pa:.1} Pa, closed form {low:.1} Pa, at {flow_kg_s:.5} kg/s");
+        // A steady state: round-off of 65 bar and of the density's root. What the first transient leaves falls
+        // with τ + k V/(R T), 1 s at the most here, for 20 s: 2e-9 of 3.5 bar.
+        assert!((tank_pa - (65e5 - droop * flow_kg_s)).abs() < 1.0, "the law itself");
+        assert!((tank_pa - low).abs() < 1.0 && view.nitrogen.regulated);
+    }
+}
+
+/// Without flow the tank comes up to P_set + L along exp(-t/T), T = τ + (k + L/M_L) V/(dP/dρ).
+#[test]
+fn a_shut_tank_locks_up() {
+    let (lockup_pa, droop) = (0.4e5, 3.3e6);
+    let (pressurant, balance, at) = isothermal(|p| {
+        p.regulator.lockup_pa = lockup_pa;
+        p.regulator.droop_pa_s_kg = droop;
+    });
+    let room_m3 = 0.15 * parts().1.volume_m3();
+    let gas = RealGas::nitrogen().at((at.nitrogen_kg - at.gas.bottle_kg) / room_m3, at.gas.ullage_k);
+    let regulator = &pressurant.regulator;
+    let slope = droop + lockup_pa / regulator.lockup_flow_kg_s;
+    let time_s = regulator.response_time_s + slope * room_m3 / gas.pressure_per_density;
+    let (mut now_s, mut worst) = (0.0, 0.0f64);
+    let end = run(&balance, at, Withdrawal::default(), 15.0, |y| {
+        now_s += 1e-3;
+        let expected = 65e5 + lockup_pa * (1.0 - libm::exp(-now_s / time_s));
+        worst = worst.max((balance.look(&y.0).nitrogen.tank_pa - expected).abs());
+    });
+    let view = balance.look(&end.0).nitrogen;
+    println!("time constant {time_s:.3} s, {worst:.1} Pa off the exponential, end {:.1} Pa", view.tank_pa);
+    // dP/dρ changes by Z'/Z of 0.4 bar, under 1e-3, over the rise, and moves it by L · 1e-3/e.
+    assert!(worst < lockup_pa * 1e-3 / core::f64::consts::E, "{worst} Pa");
+    assert!((view.tank_pa - (65e5 + lockup_pa)).abs() < 1.0 && view.regulated);
+}
+
+/// The bottle lost, both volumes share the nitrogen as [`Pressurant::distribute`] finds it without rates.
+#[test]
+fn a_tank_blows_down_with_its_bottle() {
+    let (pressurant, balance, at) = isothermal(|p| p.bottle.pressure_pa = 110e5);
+    let gas = PressurantGas::new(&pressurant, 290.0);
+    let out = Withdrawal { liquid_kg_s: 0.4, ..Withdrawal::default() };
+    let tank_m3 = parts().1.volume_m3();
+    let (mut lost, mut worst, mut lowest) = (0, 0.0f64, f64::INFINITY);
+    run(&balance, at, out, 25.0, |y| {
+        let now = balance.look(&y.0).nitrogen;
+        let inventory = NitrogenInventory {
+            total_kg: y.0.nitrogen_kg,
+            ullage_m3: tank_m3 - y.0.nitrous_kg / LIQUID_KG_M3,
+            ambient_pa: 101_325.0,
+        };
+        let algebra = pressurant.distribute(&gas, &inventory);
+        lost += i32::from(!algebra.regulated);
+        // The regulator's 20 ms take the corner; half a second is 25 of them.
+        if lost == 0 || lost > 500 {
+            worst = worst.max((now.tank_pa / algebra.tank_pa - 1.0).abs());
+        }
+        if lost > 500 {
+            lowest = lowest.min(now.tank_pa);
+            assert!(
+                (now.bottle_pa - now.tank_pa - 15e5).abs() < 65e5 * STEPS,
+                "always the drop below the bottle"
+            );
+        }
+    });
+    println!("{lost} ms of blow-down to {:.2} bar, {worst:.1e} off the algebra", lowest * 1e-5);
+    // Two tables of one equation of state, each good to 1e-5.
+    assert!(lost > 5000 && lowest < 50e5 && worst < 2e-5, "{lost} {lowest} {worst}");
+}
+
+/// A tank above what the regulator keeps is not regulated, and gets nothing.
+#[test]
+fn a_tank_above_its_regulator_is_not_regulated() {
+    let (_, balance, mut at) = isothermal(|_| {});
+    assert!(balance.look(&at).nitrogen.regulated);
+    at.nitrogen_kg += 0.05;
+    let view = balance.look(&at);
+    assert!(view.nitrogen.tank_pa > 65.5e5 && !view.nitrogen.regulated, "{:?}", view.nitrogen);
+    assert_eq!(balance.rate(&view, &Withdrawal::default()).gas.bottle_kg, 0.0);
 }
 
 proptest! {

@@ -85,7 +85,11 @@ impl Plant {
             gas_pa: view.nitrogen.tank_pa,
             gas_kg_m3: view.ullage_density_kg_m3(),
         };
-        let gas_share = outlet.gas_mass_share(self.vehicle.nitrous_density_kg_m3);
+        // The inlet pressure of the last solution: it moves by some thousandths in a step.
+        let solved_pa = self.held.guess.injector_inlet_pa;
+        let inlet_pa = if solved_pa > 0.0 { solved_pa } else { outlet.gas_pa };
+        let inlet = self.held.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
+        let gas_share = outlet.gas_mass_share(inlet_pa, inlet.state.density_kg_m3);
         (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
 

@@ -3,7 +3,8 @@
 use super::{Evaluation, Plant, PlantEvent, Settled, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
-use crate::propulsion::FlameConditions;
+use crate::fluid::Nitrous;
+use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
 
 /// Share of a thruster's level below which it is off.
@@ -86,12 +87,7 @@ impl Plant {
             self.held.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
-        if now.pressurant.regulated {
-            self.held.bottle_low = false;
-        } else if !self.held.bottle_low {
-            self.held.bottle_low = true;
-            self.note("bottle_low", format!("bottle {:.1} bar", now.pressurant.bottle_pa * 1e-5));
-        }
+        self.watch_the_tank(&now.pressurant);
         let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
         // A map costs some steps' time, so it waits until something flows.
         if flows {
@@ -110,6 +106,30 @@ impl Plant {
                 }
             }
         }
+    }
+
+    /// Notes a bottle that no longer feeds the regulator, and a tank above what the regulator keeps.
+    fn watch_the_tank(&mut self, now: &NitrogenState) {
+        let high = now.tank_pa > self.vehicle.pressurant.regulator.greatest_pa();
+        let low = !now.regulated && !high;
+        if low && !self.held.bottle_low {
+            let mut detail = format!("bottle {:.1} bar", now.bottle_pa * 1e-5);
+            if self.vehicle.tank.ullage.model == UllageModel::ConstantTemperature {
+                let vapor_pa = Nitrous::tables().vapor_pressure_pa(now.liquid_k);
+                detail += &format!(
+                    "; a tank below the vapour pressure, {:.1} bar, would boil: see [feed.tank.ullage] energy_balance",
+                    vapor_pa * 1e-5
+                );
+            }
+            self.note("bottle_low", detail);
+        }
+        if high && !self.held.tank_high {
+            self.note(
+                "tank_high",
+                format!("tank {:.1} bar, above its regulator; no relief valve", now.tank_pa * 1e-5),
+            );
+        }
+        (self.held.bottle_low, self.held.tank_high) = (low, high);
     }
 
     /// Lights or goes out; notices when fuel begins to limit the flame.

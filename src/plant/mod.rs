@@ -177,6 +177,7 @@ struct Held {
     burnt_through: bool,
     nitrous_depleted: bool,
     bottle_low: bool,
+    tank_high: bool,
     /// When the engine controller last could not give what was asked for.
     saturated: Option<SimTime>,
     /// The balance of momentum had no solution.

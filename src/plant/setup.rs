@@ -161,6 +161,7 @@ impl Plant {
                 burnt_through: false,
                 nitrous_depleted: nitrous_kg <= vehicle.tank.unusable_nitrous_kg,
                 bottle_low: false,
+                tank_high: false,
                 saturated: None,
                 singular: false,
                 disturbed: Effect::default(),

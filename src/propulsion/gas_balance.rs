@@ -14,7 +14,8 @@
 //!
 //! A regulator with a response time τ is a linear equation for its flow: P' = (P1(M) - P)/τ, with P1 the set
 //! pressure less droop, plus the lock-up that a small flow uses up. Flow is never backward, and never more
-//! than keeps the tank the minimum drop below the bottle: there the tank blows down with it.
+//! than keeps the tank the minimum drop below the bottle: there the tank blows down with it. A tank above its
+//! pressure shuts it, no more: there is no relief valve, so vapour that joins nitrogen at the set pressure stays.
 //!
 //! Source: Zimmerman, Waxman, Cantwell and Zilliac, "Review and Evaluation of Models for Self-Pressurizing
 //! Propellant Tank Dynamics", AIAA 2013-4045: tank in equilibrium, and with the balances of liquid, surface and
@@ -29,6 +30,7 @@ use serde::{Deserialize, Serialize};
 use super::feed::Tank;
 use super::pressurant::{BottleModel, NitrogenState, Pressurant, Regulator};
 use crate::fluid::{GasPoint, Interface, NitrousVapor, RealGas};
+use crate::input::Invalid;
 
 /// What stands above the liquid: the `[feed.tank.ullage]` table.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -43,7 +45,8 @@ pub struct Ullage {
     #[schemars(range(min = 100.0, max = 1e6))]
     pub shell_heat_capacity_j_k: f64,
     /// Vapour that the surface gives per pressure it lacks (kg/(s Pa)); 0 is a stratified gas without
-    /// vapour, 1 is equilibrium; `energy_balance` only.
+    /// vapour, 1 is equilibrium; `energy_balance` only. Above 0, the tank must have room below its set pressure for
+    /// the vapour that `vapor_saturation` lacks: no relief valve is modelled.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub vapor_conductance_kg_s_pa: f64,
     /// Partial pressure of the vapour at the start, as a share of the vapour pressure; `energy_balance` only.
@@ -60,6 +63,34 @@ impl Default for Ullage {
             vapor_conductance_kg_s_pa: 0.0,
             vapor_saturation: 0.0,
         }
+    }
+}
+
+impl Ullage {
+    /// Refuses a tank that its own vapour would raise above what the regulator keeps: pressure (Pa) and temperature
+    /// (K) at the start.
+    ///
+    /// # Errors
+    /// With the pressure that it would reach.
+    pub fn validate(&self, tank_pa: f64, tank_k: f64, regulator: &Regulator) -> Result<(), Invalid> {
+        if self.model == UllageModel::ConstantTemperature || self.vapor_conductance_kg_s_pa <= 0.0 {
+            return Ok(());
+        }
+        let vapor_pa = NitrousVapor::tables().interface(tank_k).vapor_pressure_pa;
+        let start_pa = tank_pa.max(self.vapor_saturation * vapor_pa);
+        let reached_pa = start_pa + (1.0 - self.vapor_saturation) * vapor_pa;
+        let allowed_pa = regulator.greatest_pa().max(start_pa);
+        if reached_pa <= allowed_pa {
+            return Ok(());
+        }
+        let message = format!(
+            "{}: vapour would raise the tank from {:.1} to {:.1} bar, above {:.1}; allowed 0, or vapor_saturation = 1",
+            self.vapor_conductance_kg_s_pa,
+            start_pa * 1e-5,
+            reached_pa * 1e-5,
+            allowed_pa * 1e-5
+        );
+        Err(Invalid::new("vapor_conductance_kg_s_pa", message))
     }
 }
 
@@ -277,12 +308,14 @@ impl GasBalance {
             }
         };
         let regulator = &self.pressurant.regulator;
+        let tank_pa = tank.pressure_pa + vapor.pressure_pa;
         let view = NitrogenState {
-            tank_pa: tank.pressure_pa + vapor.pressure_pa,
+            tank_pa,
             bottle_pa: bottle.pressure_pa,
             tank_kg,
             bottle_kg,
-            regulated: bottle.pressure_pa >= regulator.set_pressure_pa + regulator.minimum_drop_pa,
+            regulated: bottle.pressure_pa >= regulator.set_pressure_pa + regulator.minimum_drop_pa
+                && tank_pa <= regulator.greatest_pa(),
             vapor_kg,
             liquid_k: gas.liquid_k,
         };

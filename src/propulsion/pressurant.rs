@@ -5,11 +5,15 @@
 //! bottle holds the regulator's minimum drop above the set point the tank is at the set point; then
 //! it blows down, always that drop below the bottle. Pure nitrogen above the liquid: with nitrous vapour
 //! mixed in, less would be drawn.
+//!
+//! Valid above the vapour pressure of the liquid, 47 bar at 290 K: here the tank blows down past it, a real one
+//! would boil and stay near it. That far, [`super::gas_balance`] with `[feed.tank.ullage] model = "energy_balance"`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::fluid::{Isotherm, Nitrogen};
+use crate::input::Invalid;
 use crate::interpolate::{Bracket, bracketed_root};
 
 /// Bottle and regulator: the `[pressurant]` table.
@@ -95,6 +99,28 @@ impl Regulator {
     fn default_response_time_s() -> f64 {
         0.02
     }
+
+    /// Rules between the keys.
+    ///
+    /// # Errors
+    /// When the outlet would pass what the feed is computed for.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        const FEED_PA: f64 = 80e5;
+        if self.lockup_pa > 0.0 && self.set_pressure_pa + self.lockup_pa > FEED_PA {
+            let message = format!(
+                "{} Pa above set_pressure_pa, {}, passes {FEED_PA} Pa",
+                self.lockup_pa, self.set_pressure_pa
+            );
+            return Err(Invalid::new("lockup_pa", message));
+        }
+        Ok(())
+    }
+
+    /// Pressure that the outlet does not pass by the regulator's doing, and half a bar (Pa).
+    pub fn greatest_pa(&self) -> f64 {
+        const MARGIN_PA: f64 = 0.5e5;
+        self.set_pressure_pa + self.lockup_pa + MARGIN_PA
+    }
 }
 
 /// The nitrogen at its two temperatures.
@@ -141,7 +167,7 @@ pub struct NitrogenState {
     pub tank_kg: f64,
     /// Nitrogen in the bottle (kg).
     pub bottle_kg: f64,
-    /// Whether the regulator holds its outlet.
+    /// Whether the regulator holds its outlet: the bottle has the drop, and nothing else has raised the tank.
     pub regulated: bool,
     /// Nitrous oxide vapour above the liquid (kg).
     pub vapor_kg: f64,

@@ -1,12 +1,14 @@
-"""Makes tests/reference/gas_balance.csv: bottle blow-down and regulated drains with vapour, by CoolProp and SciPy.
+"""Makes tests/reference/gas_balance.csv: a bottle that empties, drains of a tank, a regulator, by CoolProp and SciPy.
 
     python3 -m venv .venv && .venv/bin/pip install -r tools/reference/requirements-gas-balance.txt
     .venv/bin/python tools/reference/make_gas_balance_reference.py
 
 Run from the repository root. Another formulation than the library's: the states are masses and internal
 energies, temperatures and pressures are found from them by CoolProp's own equations of state at every call, and
-DOP853 integrates with a relative tolerance of 1e-9. The regulator holds its outlet by its law
-P' = (P1 - P)/tau, solved for the flow with the numerical derivative of the pressure.
+DOP853 integrates with a relative tolerance of 1e-9. The regulator's law is the library's, P' = (P1 - P)/tau, solved
+for the flow with the numerical derivative of the pressures; so is the blow-down at a constant drop below the bottle.
+Nothing limits the evaporation here. Liquid that boils stays within one BOILING_S of its vapour pressure, twenty
+times nearer than the library's.
 """
 
 import sys
@@ -27,7 +29,8 @@ LINE = CoolProp.AbstractState("HEOS", "N2O")
 BOTTLE_M3, TANK_M3 = 9e-3, np.pi * 0.095**2 * 0.67
 LIQUID_KG_M3, R_N2O = 834.3181387, 188.91031699869131
 G_WALL, C_WALL, G_ULLAGE, C_SHELL = 6.0, 4700.0, 10.0, 7400.0
-SET_PA, TAU, SHORTEST = 65e5, 0.02, 0.02
+SET_PA, DROP_PA, TAU, BOILING_S = 65e5, 15e5, 0.02, 0.001
+LOCKUP_KG_S = 2e-3
 
 
 def gas(state, density, temperature):
@@ -66,9 +69,9 @@ def bottle_blow_down(conductance, flow, times):
     return [[m, *bottle_of(m, u)[:2], wall] for m, u, wall in run.y.T]
 
 
-def drain(conductance, saturation, flow, times):
-    """Liquid out of a regulated tank at constant rate, bottle and ullage with their balances."""
-    N2.update(CoolProp.PT_INPUTS, 300e5, 290.0)
+def drain(conductance, saturation, flow, times, bottle_pa=300e5, droop=0.0, lockup=0.0):
+    """Liquid out of a tank at constant rate, bottle and ullage with their balances."""
+    N2.update(CoolProp.PT_INPUTS, bottle_pa, 290.0)
     bottle_kg, bottle_j = N2.rhomass() * BOTTLE_M3, N2.rhomass() * BOTTLE_M3 * N2.umass()
     ullage = 0.15 * TANK_M3
     vapour_pa = saturation * line(290.0)[0]
@@ -95,8 +98,8 @@ def drain(conductance, saturation, flow, times):
         pressure = p_n + p_v
         t_b, p_b, _, h_b = bottle_of(y[0], y[1])
         p_sat, h_vapour, u_liquid = line(t_l)
-        g = min(conductance, volume / (R_N2O * t * SHORTEST))
-        evaporation = g * (p_sat - p_v)
+        boiling = volume / (R_N2O * t * BOILING_S) * max(p_sat - pressure, 0.0)
+        evaporation = conductance * (p_sat - p_v) + boiling
         heat_b, heat_u = G_WALL * (y[2] - t_b), G_ULLAGE * (t_l - t)
         room = (flow + evaporation) / LIQUID_KG_M3
 
@@ -108,15 +111,27 @@ def drain(conductance, saturation, flow, times):
                 -flow * (u_liquid + pressure / LIQUID_KG_M3) - evaporation * h_vapour + pressure * room - heat_u,
             ])
 
-        def pressure_rate(n, step=1e-4):
-            ahead, behind = look(y + step * rates(n)), look(y - step * rates(n))
-            return (ahead[2] + ahead[3] - behind[2] - behind[3]) / (2.0 * step)
+        def pressure_rates(n, step=1e-4):
+            ahead, behind = y + step * rates(n), y - step * rates(n)
+            (_, _, n_1, v_1, _), (_, _, n_0, v_0, _) = look(ahead), look(behind)
+            bottle = bottle_of(ahead[0], ahead[1])[1] - bottle_of(behind[0], behind[1])[1]
+            return np.array([n_1 + v_1 - n_0 - v_0, bottle]) / (2.0 * step)
 
-        without = pressure_rate(0.0)
-        per_kg = (pressure_rate(0.1) - without) / 0.1
-        return rates(max(((SET_PA - pressure) / TAU - without) / per_kg, 0.0))
+        tank_0, bottle_0 = pressure_rates(0.0)
+        tank_per_kg, bottle_per_kg = (pressure_rates(0.1) - [tank_0, bottle_0]) / 0.1
 
-    run = solve_ivp(rate, (0.0, times[-1]), start, "RK45", t_eval=times, rtol=1e-7, atol=1e-6, max_step=0.2)
+        # TAU P' = P1(n) - P with P1 = set - droop n, and the lock-up that LOCKUP_KG_S uses up.
+        def toward(outlet, fall):
+            return ((outlet - pressure) / TAU - tank_0) / (tank_per_kg + fall / TAU)
+
+        n = toward(SET_PA, droop)
+        if lockup and n < LOCKUP_KG_S:
+            n = toward(SET_PA + lockup, droop + lockup / LOCKUP_KG_S)
+        # Not nearer to the bottle than the drop: TAU (P - P_b)' = P_b - drop - P.
+        blow_down = ((p_b - DROP_PA - pressure) / TAU + bottle_0 - tank_0) / (tank_per_kg - bottle_per_kg)
+        return rates(max(min(n, blow_down), 0.0))
+
+    run = solve_ivp(rate, (0.0, times[-1]), start, "DOP853", t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.2)
     rows = []
     for y in run.y.T:
         _, t, p_n, p_v, t_l = look(y)
@@ -127,21 +142,32 @@ def drain(conductance, saturation, flow, times):
 
 def main():
     lines = [
-        "# Nitrogen bottle emptied at a constant rate, and a regulated tank drained at a constant rate.",
+        "# Nitrogen bottle emptied at a constant rate, and a tank drained at a constant rate, regulated or not.",
         f"# Source: CoolProp {CoolProp.__version__} HEOS, SciPy {scipy.__version__}. Made by: python tools/reference/make_gas_balance_reference.py",
         "# bottle: a wall conductance (W/K), b flow (kg/s), time, then bottle kg, K, Pa, wall K.",
         "# drain: a vapour conductance (kg/(s Pa)), b saturation at the start, time, then bottle kg, K, Pa, wall K, tank",
         "# nitrogen kg, vapour kg, ullage K, tank Pa, liquid kg, liquid K. Liquid leaves at 0.4 kg/s. SI units.",
+        "# droop, lockup: the same with 3.3e6 Pa s/kg of droop and 0.4e5 Pa of lock-up, lockup without liquid leaving.",
+        "# blow_down: bottle at 120e5 Pa; the liquid boils before the last row.",
         "kind,a,b,time_s,bottle_kg,bottle_k,bottle_pa,wall_k,tank_kg,vapor_kg,ullage_k,tank_pa,liquid_kg,liquid_k",
     ]
     for conductance in (0.0, 6.0, 100.0):
         times = [5.0, 15.0, 32.141]
         for time, row in zip(times, bottle_blow_down(conductance, 0.03, times)):
             lines.append(",".join(["bottle", f"{conductance:g}", "0.03", f"{time:g}", *(f"{v:.10g}" for v in row), *[""] * 6]))
-    for conductance, saturation in ((0.0, 0.0), (1e-9, 0.9), (1.0, 0.9)):
-        times = [2.0, 10.0, 25.0]
-        for time, row in zip(times, drain(conductance, saturation, 0.4, times)):
-            lines.append(",".join(["drain", f"{conductance:g}", f"{saturation:g}", f"{time:g}", *(f"{v:.10g}" for v in row)]))
+    # Conductance, saturation, then what is not as on the pad: stratified, slow, near equilibrium.
+    drains = [
+        ("drain", (0.0, 0.0), {}, (2.0, 10.0, 25.0)),
+        ("drain", (1e-9, 0.9), {}, (2.0, 10.0, 25.0)),
+        ("drain", (1e-6, 0.9), {}, (2.0, 10.0, 25.0)),
+        ("droop", (0.0, 0.0), {"droop": 3.3e6, "lockup": 0.4e5}, (2.0, 10.0)),
+        ("lockup", (0.0, 0.0), {"droop": 3.3e6, "lockup": 0.4e5, "flow": 0.0}, (1.0, 5.0)),
+        ("blow_down", (0.0, 0.0), {"bottle_pa": 120e5}, (2.0, 10.0, 20.0)),
+    ]
+    for kind, (conductance, saturation), other, times in drains:
+        for time, row in zip(times, drain(conductance, saturation, times=times, **{"flow": 0.4, **other})):
+            values = ",".join(f"{v:.10g}" for v in row)
+            lines.append(f"{kind},{conductance:g},{saturation:g},{time:g},{values}")
         print(lines[-1], file=sys.stderr)
     Path("tests/reference/gas_balance.csv").write_text("\n".join(lines) + "\n")
 
