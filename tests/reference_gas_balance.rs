@@ -1,7 +1,6 @@
 //! Balances of bottle, regulator, ullage and liquid: closed forms, energy, and the values of a second code.
 #![allow(clippy::disallowed_macros)] // prints what it measured
 
-#[allow(dead_code)]
 mod bare_engine;
 
 use bare_engine::vehicle;

@@ -74,7 +74,7 @@ impl Plant {
         let FeedInput { valve_area_m2, condition, .. } = self.feed_input(&self.state, 0.0);
         let feed = self.feed_in(&self.state);
         let steady = EngineCondition { fuel_flow_kg_s: None, ..condition };
-        let point = engine.operating_point(&feed, valve_area_m2, &steady, self.held.guess);
+        let point = engine.operating_point(feed, valve_area_m2, &steady, self.held.guess);
         let fed = engine.feed_steady(feed, &point);
         self.state.manifold_kg = fed.manifold_kg;
         self.state.line_kg_s = fed.line_kg_s;
