@@ -59,7 +59,7 @@ fn hop(overrides: &[(&str, &str)]) -> (Snapshot, [f64; 2]) {
 fn the_report_says_where_the_mass_went() {
     let stand = ("duration_s", "8.0");
     let vapor = ("vehicle.feed.tank.ullage.vapor_conductance_kg_s_pa", "1");
-    let vented = ("vehicle.feed.tank.ullage.vapor_saturation", "0.5");
+    let vented = SATURATED;
     for (name, overrides) in [
         ("static_fire_100", vec![stand]),
         ("static_fire_100", vec![stand, ULLAGE, vapor, SATURATED]),
