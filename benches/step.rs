@@ -21,12 +21,13 @@ use hopbench::simulation::Flight;
 const STEPS: u32 = 8_000;
 const ROUNDS: usize = 9;
 
-/// Least, median and greatest time of a step over some rounds (us).
-fn report(what: &str, steps: usize, mut round: impl FnMut()) {
+/// Least, median and greatest time of a step over some rounds (us); setting up is not counted.
+fn report<S>(what: &str, steps: usize, set_up: impl Fn() -> S, round: impl Fn(S)) {
     let mut rounds_us: Vec<f64> = (0..ROUNDS)
         .map(|_| {
+            let subject = set_up();
             let start = Instant::now();
-            round();
+            round(subject);
             start.elapsed().as_secs_f64() * 1e6 / steps as f64
         })
         .collect();
@@ -56,21 +57,21 @@ fn commands_of_the_hop() -> Vec<ActuatorCommand> {
 fn main() {
     let scenario = files::scenario("open_loop_a", &[]);
     let schedule = scenario.schedule.as_ref().expect("the run names its schedule");
-    let plant = Plant::new(&scenario).expect("the run is sound");
-    report("plant step, open loop a", STEPS as usize, || {
-        let mut plant = Plant::new(&scenario).expect("the run is sound");
+    let at_start = || Plant::new(&scenario).expect("the run is sound");
+    report("plant step, open loop a", STEPS as usize, at_start, |mut plant| {
         for _ in 0..STEPS {
             plant.step(schedule.at(plant.time()));
         }
     });
-    report("one evaluation, of which a step takes four", STEPS as usize, || {
+    // From outside and at step 0: everything that a snapshot shows, and a solver without the last step's answer.
+    report("one evaluation from a cold start", STEPS as usize, at_start, |plant| {
         for _ in 0..STEPS {
             black_box(plant.evaluate(black_box(plant.state()), 0.0));
         }
     });
     // What the same integrator takes for the same state without a plant: the machine's own speed.
-    let rate = plant.evaluate(plant.state(), 0.0).rate;
-    report("bare integrator", STEPS as usize, || {
+    let rate = at_start().evaluate(at_start().state(), 0.0).rate;
+    report("bare integrator", STEPS as usize, at_start, |plant| {
         let mut state = *plant.state();
         for _ in 0..STEPS {
             state = rk4_step(&state, 1e-3, |_, _| black_box(rate));
@@ -79,8 +80,8 @@ fn main() {
     });
     let hop = files::scenario("hop_50m", &[]);
     let commands = commands_of_the_hop();
-    report("plant step, hop of 50 m", commands.len(), || {
-        let mut plant = Plant::new(&hop).expect("the hop is sound");
+    let on_the_pad = || Plant::new(&hop).expect("the hop is sound");
+    report("plant step, hop of 50 m", commands.len(), on_the_pad, |mut plant| {
         for command in &commands {
             plant.step(command);
         }
