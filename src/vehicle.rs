@@ -309,7 +309,7 @@ pub enum VehicleError {
     Invalid(#[from] Invalid),
 }
 
-/// How the gas in bottle and tank is modelled: chosen once, by [`GasModel::of`].
+/// How the gas in bottle and tank is modelled: chosen once, by `GasModel::of`.
 #[derive(Clone, Debug)]
 pub enum GasModel {
     /// One mass of nitrogen, distributed by algebra at constant temperature.

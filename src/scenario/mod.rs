@@ -255,7 +255,7 @@ pub enum Fidelity {
     /// Everything the vehicle file says.
     #[default]
     Full,
-    /// The seed paper's scheme: explicit Euler at `paper_mode.step_s`, flow sweep, Isp and c* of O/F alone, one-way slosh, rigid body without jet damping, moving centre of mass or engine inertia. Actuators stay as they are. It does not see what the file says of slosh.model, slosh.second_mode, slosh.hardening_law, slosh.baffle_damping_ratio, feed.tank.ullage, feed.line, feed.manifold, single_phase of valve and injector, engine.chamber.model, engine.depletion.model, engine.grain.fuel_flow_lag_s, nozzle separation, pressurant.bottle.model, droop and lock-up of the regulator, gimbal.engine_inertia and the scenario's [model]; physics.step_s and physics.integrator are refused beside it.
+    /// The seed paper's scheme: explicit Euler at `paper_mode.step_s`, flow sweep, Isp and c* of O/F alone, one-way slosh, rigid body without jet damping, moving centre of mass or engine inertia. Actuators stay as they are. It does not see what the file says of slosh.model, slosh.second_mode, slosh.hardening_law, slosh.baffle_damping_ratio, feed.tank.ullage, feed.line, feed.manifold, single_phase of valve and injector, engine.chamber.model, engine.depletion.model, engine.grain.fuel_flow_lag_s, nozzle separation, pressurant.bottle.model, droop and lock-up of the regulator, gimbal.engine_inertia and the scenario's `model` table; physics.step_s and physics.integrator are refused beside it.
     Paper,
 }
 
