@@ -11,8 +11,8 @@ use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
 use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, Feed, OperatingPoint, Outlet, Pair, PairLevels, Stores,
-    Uncovering, Withdrawal,
+    ChamberGas, ChamberModel, EngineCondition, Feed, NitrogenState, OperatingPoint, Outlet, Pair, PairLevels,
+    Stores, Uncovering, Withdrawal,
 };
 use crate::vehicle::GasSupply;
 
@@ -156,15 +156,7 @@ impl Plant {
                 engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
             }
         };
-        let (nitrogen_run_tank_kg, nitrogen_bottle_kg, run_tank_kg_s) =
-            self.frozen.nitrogen(&pressurant, gas.run_tank_kg_s);
-        let contents = Contents {
-            nitrous_kg,
-            nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
-            port_radius_m: state.port_radius_m,
-            nitrogen_run_tank_kg,
-            nitrogen_bottle_kg,
-        };
+        let (contents, run_tank_kg_s) = self.contents(state, nitrous_kg, &pressurant, gas.run_tank_kg_s);
         let mut mass = vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
@@ -222,9 +214,7 @@ impl Plant {
         };
         let modes =
             vehicle.slosh.modes(vehicle.mass.tank(), nitrous_kg, vehicle.nitrous_density_kg_m3, axial_m_s2);
-        let slosh_states =
-            [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
-                .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() });
+        let slosh_states = slosh_states(state);
         let sloshing = |n: usize| modes[n].as_ref().map(|mode| (mode, &slosh_states[n]));
         let balance = Balance {
             vehicle: &mass.vehicle,
@@ -300,6 +290,28 @@ impl Plant {
             wind_ned_m_s,
             motion,
         }
+    }
+
+    /// What the vehicle holds, with so much liquid in the tank (kg), and how fast gas comes into the tank (kg/s) where
+    /// nothing is frozen at `transfer_kg_s`.
+    #[inline(always)]
+    pub(super) fn contents(
+        &self,
+        state: &State,
+        nitrous_kg: f64,
+        pressurant: &NitrogenState,
+        transfer_kg_s: f64,
+    ) -> (Contents, f64) {
+        let (nitrogen_run_tank_kg, nitrogen_bottle_kg, run_tank_kg_s) =
+            self.frozen.nitrogen(pressurant, transfer_kg_s);
+        let contents = Contents {
+            nitrous_kg,
+            nitrous_density_kg_m3: self.vehicle.nitrous_density_kg_m3,
+            port_radius_m: state.port_radius_m,
+            nitrogen_run_tank_kg,
+            nitrogen_bottle_kg,
+        };
+        (contents, run_tank_kg_s)
     }
 
     /// What moving contents and outflows add to the balance of momentum.
@@ -419,6 +431,12 @@ impl Plant {
 
 pub(super) fn stores(state: &State) -> Stores {
     Stores { nitrogen_kg: state.nitrogen_kg, nitrous_kg: state.nitrous_kg, gas: state.gas }
+}
+
+/// Both modes of the liquid.
+pub(super) fn slosh_states(state: &State) -> [SloshState; 2] {
+    [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
+        .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() })
 }
 
 fn levels(state: &State) -> PairLevels {

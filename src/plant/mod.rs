@@ -27,7 +27,7 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::{DelayLine, Servo, ServoMemory};
+use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
@@ -82,8 +82,8 @@ struct Settled {
     guess: (Guess, [[f64; 2]; 2]),
 }
 
-/// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. The play is
-/// not here: it is taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
+/// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. Play and
+/// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
 /// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
@@ -107,8 +107,6 @@ struct Inputs {
     isolation: f64,
     vent: f64,
     rcs_open: PairLevels,
-    /// Where friction holds the servos of valve and gimbal (rad); 0 without friction.
-    friction_anchors_rad: [f64; 3],
     lit: bool,
     ignition: Option<SimTime>,
     grip: Grip,
@@ -342,11 +340,6 @@ impl Plant {
             isolation: held.isolation,
             vent: held.vent,
             rcs_open: held.rcs_open,
-            friction_anchors_rad: [
-                stuck_at(&self.vehicle.valve_servo, &held.valve_memory),
-                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[0]),
-                stuck_at(&self.vehicle.gimbal_servo, &held.gimbal_memory[1]),
-            ],
             lit: held.flame.lit,
             ignition: held.ignition,
             grip: held.grip,
@@ -420,11 +413,6 @@ impl Plant {
             chamber_pa: now.chamber_pa,
         }
     }
-}
-
-/// Where friction holds a servo (rad); without friction its memory follows the angle and means nothing.
-fn stuck_at(servo: &Servo, memory: &ServoMemory) -> f64 {
-    if servo.friction_rad > 0.0 { memory.anchor_rad } else { 0.0 }
 }
 
 fn motion(state: &State) -> Motion {

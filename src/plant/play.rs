@@ -5,11 +5,10 @@
 //! vehicle and liquid take the blow: their velocities jump such that momentum about the pivot stays as it was.
 
 use super::Plant;
-use super::continuous::stores;
+use super::continuous::{slosh_states, stores};
 use crate::dynamics::Load;
-use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms};
+use crate::dynamics::mass::{ContentsRate, FlowTerms};
 use crate::dynamics::rigid_body::{self, Balance, Swing};
-use crate::dynamics::slosh::SloshState;
 use crate::frame::Vec3;
 
 impl Plant {
@@ -30,21 +29,12 @@ impl Plant {
 
         let (vehicle, state) = (&self.vehicle, &self.state);
         let supply = vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa);
-        let (nitrogen_run_tank_kg, nitrogen_bottle_kg, _) = self.frozen.nitrogen(supply.nitrogen(), 0.0);
-        let contents = Contents {
-            nitrous_kg: state.nitrous_kg,
-            nitrous_density_kg_m3: vehicle.nitrous_density_kg_m3,
-            port_radius_m: state.port_radius_m,
-            nitrogen_run_tank_kg,
-            nitrogen_bottle_kg,
-        };
+        let (contents, _) = self.contents(state, state.nitrous_kg, supply.nitrogen(), 0.0);
         let mut mass = vehicle.mass.evaluate(&contents, &ContentsRate::default());
         self.frozen.hold(&mut mass);
         let modes =
             vehicle.slosh.modes(vehicle.mass.tank(), state.nitrous_kg, vehicle.nitrous_density_kg_m3, 0.0);
-        let slosh_states =
-            [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
-                .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() });
+        let slosh_states = slosh_states(state);
         let still = FlowTerms::none();
         let balance = |gimbal| Balance {
             vehicle: &mass.vehicle,

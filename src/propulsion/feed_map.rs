@@ -273,7 +273,7 @@ impl FeedMap {
             n2o.equilibrium_flux_kg_m2_s(tank, choked_pa)
         });
         Inlet {
-            state: self.state_2(n2o, inlet_pa, flashing).0,
+            state: throttled(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing).0,
             quality: row[Column::Quality as usize],
             critical_pa: row[Column::CriticalPressure as usize],
             critical_flux_kg_m2_s: row[Column::CriticalFlux as usize],
@@ -315,7 +315,7 @@ impl FeedMap {
 
     /// One row of the table. `guess_pa` carries the choking pressure from row to row.
     fn row(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool, guess_pa: &mut f64) -> [f64; COLUMNS] {
-        let (state, quality) = self.state_2(n2o, inlet_pa, flashing);
+        let (state, quality) = throttled(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing);
         let critical = n2o.critical(&state, if guess_pa.is_nan() { 0.8 * inlet_pa } else { *guess_pa });
         *guess_pa = critical.pressure_pa;
         let tank = &self.tank;
@@ -339,25 +339,8 @@ impl FeedMap {
         row
     }
 
-    /// State 2 and its quality at h₂ = h₁.
-    fn state_2(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool) -> (Stagnation, f64) {
-        let enthalpy_j_kg = self.tank.enthalpy_j_kg;
-        if flashing {
-            return boiling(n2o, inlet_pa, enthalpy_j_kg);
-        }
-        let liquid = n2o.liquid_of_enthalpy(inlet_pa, enthalpy_j_kg);
-        let state = Stagnation {
-            pressure_pa: inlet_pa,
-            vapor_pressure_pa: n2o.vapor_pressure_pa(liquid.temperature_k).min(inlet_pa),
-            density_kg_m3: liquid.density_kg_m3,
-            enthalpy_j_kg,
-            entropy_j_kg_k: liquid.entropy_j_kg_k,
-        };
-        (state, 0.0)
-    }
-
     fn injector_critical(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool) -> crate::fluid::Critical {
-        n2o.critical(&self.state_2(n2o, inlet_pa, flashing).0, 0.8 * inlet_pa)
+        n2o.critical(&throttled(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing).0, 0.8 * inlet_pa)
     }
 
     /// Pressure in a range at which a function that rises with it passes zero, or the end nearest to that.
@@ -365,6 +348,27 @@ impl FeedMap {
         let bracket = Bracket { low: from, high: to, guess: f64::NAN, slope: None, tolerance: 0.01 };
         bracketed_root(bracket, |pa| f(self, pa)).x
     }
+}
+
+/// State 2 and its vapour share behind a valve that throttles: h₂ = h₁, boiling or liquid.
+pub(super) fn throttled(
+    n2o: &Nitrous,
+    inlet_pa: f64,
+    enthalpy_j_kg: f64,
+    flashing: bool,
+) -> (Stagnation, f64) {
+    if flashing {
+        return boiling(n2o, inlet_pa, enthalpy_j_kg);
+    }
+    let liquid = n2o.liquid_of_enthalpy(inlet_pa, enthalpy_j_kg);
+    let state = Stagnation {
+        pressure_pa: inlet_pa,
+        vapor_pressure_pa: n2o.vapor_pressure_pa(liquid.temperature_k).min(inlet_pa),
+        density_kg_m3: liquid.density_kg_m3,
+        enthalpy_j_kg,
+        entropy_j_kg_k: liquid.entropy_j_kg_k,
+    };
+    (state, 0.0)
 }
 
 /// Boiling state and its quality at a pressure and an enthalpy.

@@ -87,7 +87,7 @@ impl Nozzle {
         self.throat_radius_m() * self.expansion_ratio.sqrt()
     }
 
-    /// Thrust (N) and state of the flow at a chamber pressure. `combustion_efficiency` is that of c*.
+    /// Thrust (N) and state of the flow at a chamber pressure.
     #[inline]
     pub fn thrust(
         &self,

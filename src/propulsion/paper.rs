@@ -24,11 +24,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::engine::{Engine, EngineCondition, Guess, OperatingPoint};
 use super::feed_grid::Feed;
+use super::feed_map::throttled;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
 use super::{ChamberGasRate, EngineParameters, PaperMode};
-use crate::fluid::{Nitrous, Stagnation};
+use crate::fluid::Nitrous;
 use crate::input::Invalid;
 use crate::interpolate::{Bracket, bracketed_root};
 
@@ -150,7 +151,8 @@ impl PaperEngine {
         let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
         let excess_kg_s = |inlet_pa: f64| {
-            let (state, _) = inlet_state(feed, inlet_pa);
+            let (state, _) =
+                throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa());
             let pressures = OrificePressures {
                 upstream_pa: inlet_pa,
                 downstream_pa: chamber_pa,
@@ -172,7 +174,10 @@ impl PaperEngine {
             tolerance: INLET_TOLERANCE_PA,
         };
         let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
-        Some((inlet_pa, inlet_state(feed, inlet_pa).1))
+        Some((
+            inlet_pa,
+            throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa()).1,
+        ))
     }
 
     /// Valve area (m²) that passes a flow at P2, Eq 16.
@@ -308,33 +313,6 @@ fn throat_m2(engine: &Engine, condition: &EngineCondition) -> f64 {
     let nozzle = engine.nozzle();
     let radius_m = condition.throat_radius_m.min(nozzle.greatest_throat_radius_m());
     core::f64::consts::PI * radius_m * radius_m * nozzle.discharge_coefficient
-}
-
-/// State 2 at P2 and its vapour share: h₂ = h₁.
-fn inlet_state(feed: &Feed<'_>, inlet_pa: f64) -> (Stagnation, f64) {
-    let n2o = Nitrous::tables();
-    let enthalpy_j_kg = feed.tank().enthalpy_j_kg;
-    if inlet_pa < feed.flash_pa() {
-        let line = n2o.saturation(inlet_pa);
-        let quality = line.quality_of_enthalpy(enthalpy_j_kg);
-        let state = Stagnation {
-            pressure_pa: inlet_pa,
-            vapor_pressure_pa: inlet_pa,
-            density_kg_m3: line.density_kg_m3(quality),
-            enthalpy_j_kg,
-            entropy_j_kg_k: line.entropy_j_kg_k(quality),
-        };
-        return (state, quality);
-    }
-    let liquid = n2o.liquid_of_enthalpy(inlet_pa, enthalpy_j_kg);
-    let state = Stagnation {
-        pressure_pa: inlet_pa,
-        vapor_pressure_pa: n2o.vapor_pressure_pa(liquid.temperature_k).min(inlet_pa),
-        density_kg_m3: liquid.density_kg_m3,
-        enthalpy_j_kg,
-        entropy_j_kg_k: liquid.entropy_j_kg_k,
-    };
-    (state, 0.0)
 }
 
 /// A polynomial in O/F by its Chebyshev coefficients, held at the ends of its range.
