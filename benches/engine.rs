@@ -40,16 +40,7 @@ fn ns_per_call(batches: u32, mut call: impl FnMut(u32)) -> f64 {
 fn main() {
     let engine = engine();
     let mut feed = FeedMap::new(65e5, 290.0);
-    let condition = EngineCondition {
-        port_radius_m: 0.035,
-        throat_radius_m: 0.010,
-        burning_fraction: 1.0,
-        ambient_pa: 101_325.0,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    };
+    let condition = EngineCondition::burning(0.035, 0.010, 101_325.0);
     for degrees in [8.0f64, 15.0, 21.0, 25.0, 28.9] {
         let area = engine.valve_area().area_m2(degrees.to_radians());
         let mut guess = engine.operating_point(&feed, area, &condition, Guess::default()).guess;

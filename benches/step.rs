@@ -15,8 +15,6 @@ use std::time::Instant;
 
 use hopbench::integrator::rk4_step;
 use hopbench::plant::Plant;
-use hopbench::signal::ActuatorCommand;
-use hopbench::simulation::Flight;
 
 const STEPS: u32 = 8_000;
 const ROUNDS: usize = 9;
@@ -38,20 +36,6 @@ fn report<S>(what: &str, steps: usize, set_up: impl Fn() -> S, round: impl Fn(S)
         rounds_us[ROUNDS / 2],
         rounds_us[ROUNDS - 1]
     );
-}
-
-/// What the autopilot commands over the hop, pad to pad.
-fn commands_of_the_hop() -> Vec<ActuatorCommand> {
-    let mut flight = Flight::new(&files::scenario("hop_50m", &[]), 1).expect("the hop is sound");
-    let (mut command, mut commands) = (ActuatorCommand::SAFE, Vec::new());
-    while flight.outcome().is_none() {
-        commands.push(command);
-        flight.step(&command);
-        if let Some(next) = flight.autopilot_command() {
-            command = next;
-        }
-    }
-    commands
 }
 
 fn main() {
@@ -79,7 +63,7 @@ fn main() {
         black_box(state);
     });
     let hop = files::scenario("hop_50m", &[]);
-    let commands = commands_of_the_hop();
+    let commands = files::commands_of_the_hop();
     let on_the_pad = || Plant::new(&hop).expect("the hop is sound");
     report("plant step, hop of 50 m", commands.len(), on_the_pad, |mut plant| {
         for command in &commands {

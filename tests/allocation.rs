@@ -9,7 +9,6 @@ mod files;
 use allocation_counter::measure;
 use hopbench::plant::Plant;
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
-use hopbench::simulation::Flight;
 
 /// Steps the plant; allocations, or `None` when an event was noted.
 fn allocations(plant: &mut Plant, command: &ActuatorCommand) -> Option<u64> {
@@ -23,25 +22,11 @@ fn the_counter_counts() {
     assert_eq!(measure(|| drop(std::hint::black_box(vec![0u8; 100]))).count_total, 1);
 }
 
-/// What the autopilot commands over the hop, pad to pad.
-fn commands_of_the_hop() -> Vec<ActuatorCommand> {
-    let mut flight = Flight::new(&files::scenario("hop_50m", &[]), 1).unwrap();
-    let (mut command, mut commands) = (ActuatorCommand::SAFE, Vec::new());
-    while flight.outcome().is_none() {
-        commands.push(command);
-        flight.step(&command);
-        if let Some(next) = flight.autopilot_command() {
-            command = next;
-        }
-    }
-    commands
-}
-
 #[test]
 fn no_step_of_a_hop_allocates() {
     let mut plant = Plant::new(&files::scenario("hop_50m", &[])).unwrap();
     let (mut counted, mut throttled, mut swung, mut standing, mut flying) = (0, 0, 0, 0, 0);
-    for command in commands_of_the_hop() {
+    for command in files::commands_of_the_hop() {
         let before = *plant.snapshot();
         let Some(allocations) = allocations(&mut plant, &command) else { continue };
         let now = plant.snapshot();

@@ -28,16 +28,7 @@ fn paper_engine() -> (hopbench::vehicle::Vehicle, PaperEngine) {
 }
 
 fn condition(port_radius_m: f64, throat_radius_m: f64) -> EngineCondition {
-    EngineCondition {
-        port_radius_m,
-        throat_radius_m,
-        burning_fraction: 1.0,
-        ambient_pa: 101_325.0,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    }
+    EngineCondition::burning(port_radius_m, throat_radius_m, 101_325.0)
 }
 
 /// Least-squares polynomials of NASA CEA's ideal values at 20 bar, expansion 3, O/F 1 to 12, degree 8, made with

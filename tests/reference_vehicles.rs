@@ -22,16 +22,11 @@ fn gt() -> Vehicle {
 }
 
 fn lit(vehicle: &Vehicle) -> EngineCondition {
-    EngineCondition {
-        port_radius_m: vehicle.engine.grain().port_radius_m,
-        throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
-        burning_fraction: 1.0,
-        ambient_pa: vehicle.site.pressure_pa,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    }
+    EngineCondition::burning(
+        vehicle.engine.grain().port_radius_m,
+        vehicle.engine.nozzle().throat_radius_m(),
+        vehicle.site.pressure_pa,
+    )
 }
 
 /// Mass, centre of mass and inertia with these contents, as the plant has them.

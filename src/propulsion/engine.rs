@@ -78,6 +78,22 @@ pub struct EngineCondition {
     pub outlet: Option<Outlet>,
 }
 
+impl EngineCondition {
+    /// All of the oxidiser burns, the chamber is quasi-steady, the fuel follows at once, and liquid covers the outlet.
+    pub const fn burning(port_radius_m: f64, throat_radius_m: f64, ambient_pa: f64) -> Self {
+        Self {
+            port_radius_m,
+            throat_radius_m,
+            burning_fraction: 1.0,
+            ambient_pa,
+            chamber_gas: None,
+            fuel_flow_kg_s: None,
+            oxidizer_flow_limit_kg_s: f64::INFINITY,
+            outlet: None,
+        }
+    }
+}
+
 /// Where to look first; from the last answer. It changes the time an answer takes, and the answer within
 /// the solver's tolerance only.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -218,16 +234,8 @@ impl Engine {
         const SAMPLES: u32 = 200;
         let (least, most) = self.demand_kg_s;
         for port_radius_m in [self.grain.port_radius_m, self.grain.burn_through_radius_m()] {
-            let condition = EngineCondition {
-                port_radius_m,
-                throat_radius_m: self.nozzle.throat_radius_m(),
-                burning_fraction: 1.0,
-                ambient_pa: STANDARD_AMBIENT_PA,
-                chamber_gas: None,
-                fuel_flow_kg_s: None,
-                oxidizer_flow_limit_kg_s: f64::INFINITY,
-                outlet: None,
-            };
+            let condition =
+                EngineCondition::burning(port_radius_m, self.nozzle.throat_radius_m(), STANDARD_AMBIENT_PA);
             let setting = self.setting(&condition);
             let mut near = Near::default();
             let mut before_n = 0.0;

@@ -73,16 +73,7 @@ pub fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(),
 
 /// The burning engine, throat as at the start.
 fn lit(vehicle: &Vehicle, port_radius_m: f64, ambient_pa: f64) -> EngineCondition {
-    EngineCondition {
-        port_radius_m,
-        throat_radius_m: vehicle.engine.nozzle().throat_radius_m(),
-        burning_fraction: 1.0,
-        ambient_pa,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    }
+    EngineCondition::burning(port_radius_m, vehicle.engine.nozzle().throat_radius_m(), ambient_pa)
 }
 
 fn navigation(

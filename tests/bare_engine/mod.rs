@@ -46,16 +46,7 @@ pub fn filling_engine() -> Engine {
 /// The lit engine at a port and throat radius, quasi-steady.
 #[allow(dead_code)]
 pub fn condition(port_mm: f64, throat_mm: f64) -> EngineCondition {
-    EngineCondition {
-        port_radius_m: port_mm * 1e-3,
-        throat_radius_m: throat_mm * 1e-3,
-        burning_fraction: 1.0,
-        ambient_pa: AMBIENT_PA,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    }
+    EngineCondition::burning(port_mm * 1e-3, throat_mm * 1e-3, AMBIENT_PA)
 }
 
 #[allow(dead_code)]

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use hopbench::input::{Document, InputError};
 use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
+use hopbench::signal::ActuatorCommand;
+use hopbench::simulation::Flight;
 use hopbench::vehicle::{Vehicle, VehicleFile};
 
 pub fn folder() -> PathBuf {
@@ -62,4 +64,18 @@ pub fn try_scenario(name: &str, overrides: &[(&str, &str)]) -> Result<Scenario, 
     let schedule = file.commands.as_ref().map(|c| Schedule::parse(&text(&folder().join(c))).unwrap());
     let vehicle = vehicle_of(&vehicle)?;
     Scenario::new(name, file, vehicle, schedule).map_err(|faults| document.error(faults))
+}
+
+/// What the autopilot commands over the hop of 50 m, pad to pad.
+pub fn commands_of_the_hop() -> Vec<ActuatorCommand> {
+    let mut flight = Flight::new(&scenario("hop_50m", &[]), 1).expect("the hop is sound");
+    let (mut command, mut commands) = (ActuatorCommand::SAFE, Vec::new());
+    while flight.outcome().is_none() {
+        commands.push(command);
+        flight.step(&command);
+        if let Some(next) = flight.autopilot_command() {
+            command = next;
+        }
+    }
+    commands
 }

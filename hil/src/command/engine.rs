@@ -68,16 +68,11 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let tank_k = args.tank_k.unwrap_or(vehicle.tank.temperature_k);
     let tank_bar = args.tank_bar.unwrap_or(vehicle.tank.pressure_pa * 1e-5);
     let widest_throat_mm = engine.nozzle().greatest_throat_radius_m() * 1e3;
-    let condition = EngineCondition {
-        port_radius_m: within("--port-radius-mm", port_mm, 1.0, grain.outer_radius_m * 1e3)? * 1e-3,
-        throat_radius_m: within("--throat-radius-mm", throat_mm, 1.0, widest_throat_mm)? * 1e-3,
-        burning_fraction: 1.0,
-        ambient_pa: vehicle.site.pressure_pa,
-        chamber_gas: None,
-        fuel_flow_kg_s: None,
-        oxidizer_flow_limit_kg_s: f64::INFINITY,
-        outlet: None,
-    };
+    let condition = EngineCondition::burning(
+        within("--port-radius-mm", port_mm, 1.0, grain.outer_radius_m * 1e3)? * 1e-3,
+        within("--throat-radius-mm", throat_mm, 1.0, widest_throat_mm)? * 1e-3,
+        vehicle.site.pressure_pa,
+    );
     // The range of the tables; liquid stays liquid above its own vapour pressure only.
     within("--tank-k", tank_k, 240.0, 306.0)?;
     let least_bar = Nitrous::tables().vapor_pressure_pa(tank_k) * 1e-5;
