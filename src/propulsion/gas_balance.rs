@@ -59,6 +59,7 @@ impl Default for Ullage {
         Self {
             model: UllageModel::ConstantTemperature,
             heat_conductance_w_k: 0.0,
+            // 8.2 kg of aluminium, 900 J/(kg K); without effect at constant temperature.
             shell_heat_capacity_j_k: 7400.0,
             vapor_conductance_kg_s_pa: 0.0,
             vapor_saturation: 0.0,

@@ -92,6 +92,7 @@ pub struct Regulator {
 }
 
 impl Regulator {
+    // Neither is measured; without droop, lock-up or a balance of energy both are without effect.
     fn default_lockup_flow_kg_s() -> f64 {
         2e-3
     }
