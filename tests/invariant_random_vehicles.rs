@@ -32,8 +32,8 @@ const FILES: u64 = 300;
 /// Faster than this is no motion of a vehicle but of an unstable integration.
 const RUNAWAY_M_S: f64 = 1e5;
 const RUNAWAY_RAD_S: f64 = 1e4;
-/// Mass that may be unaccounted for, relative: with a quasi-steady chamber, and with one that fills within a step.
-const MASS_CLOSURE: [f64; 2] = [1e-7, 2e-5];
+/// Mass that may be unaccounted for, relative.
+const MASS_CLOSURE: f64 = 1e-9;
 
 /// SplitMix64 (Steele, Lea and Flood, 2014).
 struct Random(u64);
@@ -569,10 +569,7 @@ fn fault(
     }
     let gone: f64 = now.expelled_kg.iter().sum();
     let open = (now.mass_kg + now.chamber_gas_kg + now.manifold_kg + gone) / start_kg - 1.0;
-    // Fuel goes with the square of the port's radius: where a port of a millimetre opens by its own width within some
-    // steps, RK4 itself leaves 1e-9 and more. The vehicles that fly keep 1e-12 (tests/invariant_flight.rs).
-    // Gas that is a state of a chamber which fills within a step or two makes the flow of fuel turn within the step.
-    if open.abs() > MASS_CLOSURE[usize::from(now.chamber_gas_kg > 0.0)] {
+    if open.abs() > MASS_CLOSURE {
         return Some(("mass not closed", format!("{open:e}")));
     }
     if now.thrust_n < 0.0 {

@@ -274,6 +274,7 @@ impl Plant {
             expelled_rcs_kg: thrusters.nitrogen_kg_s,
             expelled_vent_kg: vent_kg_s,
             vented_vapor_kg: supply.vapor_share() * vent_kg_s,
+            burnt_kg: engine.fuel_kg_s,
             imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
             imu_angle_body_rad: state.rate_body_rad_s,
         };

@@ -274,12 +274,17 @@ impl Plant {
             self.begin_feed();
             let dt_s = self.step.s();
             let first = self.first_rate();
-            self.state = match self.options.integrator {
+            match self.options.integrator {
                 IntegratorKind::Rk4 => {
-                    rk4_step_from(&self.state, &first, dt_s, |state, share| self.rate(state, share))
+                    let before = self.state;
+                    self.state = rk4_step_from(&before, &first, dt_s, |state, share| self.rate(state, share));
+                    // The radius that the burnt fuel leaves: that of the integrator, and mass is kept to round-off,
+                    // where a square integrated through its root would leave the error of the method.
+                    let burnt_kg = self.state.burnt_kg - before.burnt_kg;
+                    self.state.port_radius_m = self.port_radius_after_burning_m(&before, burnt_kg);
                 }
-                IntegratorKind::Euler => self.state.advanced(&first, dt_s),
-            };
+                IntegratorKind::Euler => self.state = self.state.advanced(&first, dt_s),
+            }
             self.end_feed();
             self.state.q_ned_from_body.normalize_mut();
         }
@@ -352,6 +357,15 @@ impl Plant {
 
     pub(super) fn fuel_kg(&self, state: &State) -> f64 {
         self.vehicle.engine_parameters.grain.fuel_kg(state.port_radius_m)
+    }
+
+    /// Port radius (m) when so much more fuel has gone.
+    fn port_radius_after_burning_m(&self, state: &State, burnt_kg: f64) -> f64 {
+        let grain = &self.vehicle.engine_parameters.grain;
+        if burnt_kg <= 0.0 {
+            return state.port_radius_m;
+        }
+        grain.port_radius_of_fuel_m(grain.fuel_kg(state.port_radius_m) - burnt_kg).max(state.port_radius_m)
     }
 
     pub(super) fn mission_s_at(&self, share: f64) -> f64 {

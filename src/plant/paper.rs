@@ -12,7 +12,7 @@
 //!
 //! Source: the seed paper, Sec II.H; Eq 4 for the port; Eqs 17 to 20 for the liquid, one way; Eqs 21, 22.
 
-use super::{Plant, Rate, State};
+use super::{Plant, Rate};
 use crate::frame::Vec3;
 use crate::integrator::Integrable;
 use crate::propulsion::{OperatingPoint, PaperEngine};
@@ -127,15 +127,6 @@ impl Plant {
             let leaving_m_s = self.state.slosh_m_s.dot(&outward).max(0.0);
             self.state.slosh_m_s -= outward * leaving_m_s;
         }
-    }
-
-    /// Port radius (m) when so much more fuel has gone.
-    pub(super) fn port_radius_after_burning_m(&self, state: &State, burnt_kg: f64) -> f64 {
-        let grain = &self.vehicle.engine_parameters.grain;
-        if burnt_kg <= 0.0 {
-            return state.port_radius_m;
-        }
-        grain.port_radius_of_fuel_m(grain.fuel_kg(state.port_radius_m) - burnt_kg).max(state.port_radius_m)
     }
 
     /// The held rate with what the actuators do at this step.

@@ -97,6 +97,8 @@ state! {
     expelled_vent_kg: f64,
     /// Nitrous oxide in that gas (kg).
     vented_vapor_kg: f64,
+    /// Fuel that has left the grain (kg): what keeps the port's radius true to the mass after a step.
+    burnt_kg: f64,
     /// Integral of the specific force at the inertial unit, body axes (m/s).
     imu_velocity_body_m_s: Vec3,
     /// Integral of the body rate (rad).
@@ -143,6 +145,7 @@ impl State {
             expelled_rcs_kg: 0.0,
             expelled_vent_kg: 0.0,
             vented_vapor_kg: 0.0,
+            burnt_kg: 0.0,
             imu_velocity_body_m_s: ZERO,
             imu_angle_body_rad: ZERO,
         }
@@ -185,6 +188,8 @@ impl State {
             self.expelled_nozzle_kg,
             self.expelled_rcs_kg,
             self.expelled_vent_kg,
+            self.vented_vapor_kg,
+            self.burnt_kg,
         ];
         let q = self.q_ned_from_body.coords;
         vectors
