@@ -7,31 +7,8 @@
 //! This is the seam for optimal guidance: whatever fills a [`Reference`] each step can stand here.
 
 use super::phase::{Mission, Phase};
+pub use super::trajectory::Reference;
 use crate::frame::Vec3;
-
-/// Where the pivot should be now, and how it should move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reference {
-    /// Position of the pivot (m).
-    pub position_ned_m: Vec3,
-    /// Velocity (m/s).
-    pub velocity_ned_m_s: Vec3,
-    /// Acceleration to feed forward (m/s²).
-    pub acceleration_ned_m_s2: Vec3,
-    /// Heading to hold (rad).
-    pub heading_rad: f64,
-}
-
-impl Default for Reference {
-    fn default() -> Self {
-        Self {
-            position_ned_m: Vec3::zeros(),
-            velocity_ned_m_s: Vec3::zeros(),
-            acceleration_ned_m_s2: Vec3::zeros(),
-            heading_rad: 0.0,
-        }
-    }
-}
 
 /// Samples in the moving average: 0.2 s at 250 Hz.
 const WINDOW: usize = 50;

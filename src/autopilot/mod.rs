@@ -21,6 +21,7 @@ pub mod guidance;
 pub mod navigation;
 pub mod phase;
 pub mod propellant;
+pub mod trajectory;
 
 use crate::frame::{Vec3, heading_rad};
 use crate::input::Invalid;
