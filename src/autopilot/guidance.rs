@@ -1,19 +1,83 @@
-//! Reference generator: a motion that the vehicle can follow, from where it is to where the phase wants it.
+//! Guidance: which motion is being flown, and where on it the vehicle should be.
 //!
-//! Speed toward the goal follows `v = √(2 a d)` with a linear end, acceleration is bounded by
-//! construction, and a moving average over 0.2 s makes the jerk finite. The average of a motion is
+//! A phase of the flight gets a [`Trajectory`]; here lie the closed-form ones, and the clock that runs along
+//! whichever is flown. Ramps: speed toward the goal follows `v = √(2 a d)` with a linear end, acceleration is bounded
+//! by construction, and a moving average over 0.2 s makes the jerk finite. The average of a motion is
 //! itself a motion with consistent derivatives, and it ends where the original ends.
-//!
-//! This is the seam for optimal guidance: whatever fills a [`Reference`] each step can stand here.
 
 use super::phase::{Mission, Phase};
-pub use super::trajectory::Reference;
+use super::trajectory::{Node, Reference, Trajectory};
 use crate::frame::Vec3;
+use crate::time::SimTime;
 
-/// Samples in the moving average: 0.2 s at 250 Hz.
-const WINDOW: usize = 50;
-/// Its length at the rate it is meant for (s).
-const WINDOW_S: f64 = 0.2;
+/// The trajectory in force and the place on it.
+#[derive(Clone, Debug)]
+pub struct Guidance {
+    trajectory: Trajectory,
+    elapsed_s: f64,
+}
+
+/// Share by which the clock on the trajectory may run fast or slow to meet the vehicle.
+const CLOCK_SHARE: f64 = 0.2;
+/// Pace of meeting it (1/s).
+const CLOCK_RATE_1_S: f64 = 1.0;
+/// Speed of the reference under which position says nothing about the clock (m/s).
+const CLOCK_SPEED_M_S: f64 = 1.0;
+
+impl Guidance {
+    /// Standing at a place.
+    pub fn at_rest(position_ned_m: Vec3, heading_rad: f64) -> Self {
+        Self { trajectory: Trajectory::hold(SimTime::ZERO, position_ned_m, heading_rad), elapsed_s: 0.0 }
+    }
+
+    /// From now on this trajectory, `elapsed_s` after its start.
+    pub fn follow(&mut self, trajectory: Trajectory, elapsed_s: f64) {
+        (self.trajectory, self.elapsed_s) = (trajectory, elapsed_s);
+    }
+
+    /// The trajectory in force.
+    pub const fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// Time on the trajectory (s).
+    pub const fn elapsed_s(&self) -> f64 {
+        self.elapsed_s
+    }
+
+    /// Where the vehicle should be now.
+    pub fn reference(&self) -> Reference {
+        self.ahead(0.0)
+    }
+
+    /// Where it should be that many seconds from now.
+    pub fn ahead(&self, seconds: f64) -> Reference {
+        self.trajectory.after(self.elapsed_s + seconds)
+    }
+
+    /// Advances the clock. On a moving reference it meets the vehicle along the path: an error in time is not
+    /// chased with thrust.
+    pub fn advance(&mut self, position_ned_m: Vec3, dt_s: f64) {
+        let r = self.reference();
+        let speed2 = r.velocity_ned_m_s.norm_squared();
+        let late_s = if speed2 > CLOCK_SPEED_M_S * CLOCK_SPEED_M_S {
+            r.velocity_ned_m_s.dot(&(position_ned_m - r.position_ned_m)) / speed2
+        } else {
+            0.0
+        };
+        let shift = (CLOCK_RATE_1_S * late_s).clamp(-CLOCK_SHARE, CLOCK_SHARE);
+        self.elapsed_s += dt_s * if shift.is_finite() { 1.0 + shift } else { 1.0 };
+    }
+}
+
+/// Samples in the moving average.
+const WINDOW: usize = 10;
+/// Step of the ramps (s).
+const STEP_S: f64 = 0.02;
+/// Length of the moving average (s).
+const WINDOW_S: f64 = STEP_S * WINDOW as f64;
+/// A ramp is laid out for so long at most; after it, it coasts (s).
+const LONGEST_S: f64 = 400.0;
 /// Slope of the linear end of the approach (1/s).
 const APPROACH_RATE_1_S: f64 = 3.0;
 /// Share of the terminal speed that is flown: the rest is for the error of tracking it.
@@ -30,117 +94,72 @@ struct Motion {
     acceleration: Vec3,
 }
 
-/// The generator's state. Positions relative to the local origin.
-#[derive(Clone, Debug)]
-pub struct ReferenceGenerator {
-    now: Motion,
-    window: [Motion; WINDOW],
-    cursor: usize,
-    rest_ned_m: Vec3,
-    heading_rad: f64,
+/// Goal of a phase in the local frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Course<'a> {
+    /// What is to be flown.
+    pub mission: &'a Mission,
+    /// Where the pivot rests on the pad (m).
+    pub rest_ned_m: Vec3,
 }
 
-impl ReferenceGenerator {
-    /// At rest on the pad, pivot at `rest_ned_m`.
-    pub fn at_rest(rest_ned_m: Vec3, heading_rad: f64) -> Self {
-        Self::moving(
-            rest_ned_m,
-            &Reference { position_ned_m: rest_ned_m, heading_rad, ..Reference::default() },
-        )
+impl Course<'_> {
+    /// Where the pivot is to hover, over the landing point (m).
+    pub fn hover_ned_m(&self) -> Vec3 {
+        self.landing_ned_m() - Vec3::new(0.0, 0.0, self.mission.hover_height_m)
     }
 
-    /// Starting from a motion under way: the hand-over in flight. The first reference is that motion.
-    pub fn moving(rest_ned_m: Vec3, start: &Reference) -> Self {
-        let (p, v, a) = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2);
-        let at =
-            |t: f64| Motion { position: p + v * t + a * (0.5 * t * t), velocity: v + a * t, acceleration: a };
-        // The mean of the window lies at its middle: the unsmoothed motion runs half a window ahead.
-        let step_s = WINDOW_S / WINDOW as f64;
-        let middle = 0.5 * (WINDOW - 1) as f64;
-        let window = core::array::from_fn(|k| at((k as f64 - middle) * step_s));
-        Self { now: at(middle * step_s), window, cursor: 0, rest_ned_m, heading_rad: start.heading_rad }
-    }
-
-    /// Smoothed reference.
-    pub fn reference(&self) -> Reference {
-        let mut sum =
-            Motion { position: Vec3::zeros(), velocity: Vec3::zeros(), acceleration: Vec3::zeros() };
-        for m in &self.window {
-            sum.position += m.position;
-            sum.velocity += m.velocity;
-            sum.acceleration += m.acceleration;
-        }
-        let share = 1.0 / WINDOW as f64;
-        Reference {
-            position_ned_m: sum.position * share,
-            velocity_ned_m_s: sum.velocity * share,
-            acceleration_ned_m_s2: sum.acceleration * share,
-            heading_rad: self.heading_rad,
-        }
-    }
-
-    /// Height of the reference above rest (m), unsmoothed.
-    pub fn height_m(&self) -> f64 {
-        self.rest_ned_m.z - self.now.position.z
+    /// Where the pivot is to come to rest (m).
+    pub fn landing_ned_m(&self) -> Vec3 {
+        let [north, east] = self.mission.target_north_east_m;
+        self.rest_ned_m + Vec3::new(north, east, 0.0)
     }
 
     /// The reference has arrived at the hover height.
-    pub fn is_at_hover(&self, mission: &Mission) -> bool {
-        (self.height_m() - mission.hover_height_m).abs() < 0.05 && self.now.velocity.z.abs() < 0.2
+    pub fn is_at_hover(&self, reference: &Reference) -> bool {
+        (reference.position_ned_m.z - self.hover_ned_m().z).abs() < 0.05
+            && reference.velocity_ned_m_s.z.abs() < 0.2
     }
 
     /// The reference has arrived over the landing point.
-    pub fn is_over_target(&self, mission: &Mission) -> bool {
-        let d = self.target(mission) - self.now.position;
+    pub fn is_over_target(&self, reference: &Reference) -> bool {
+        let d = self.landing_ned_m() - reference.position_ned_m;
         libm::hypot(d.x, d.y) < 0.1
     }
 
-    /// Advances by `dt_s`.
-    pub fn step(&mut self, mission: &Mission, phase: Phase, dt_s: f64) {
-        let mut wanted = Vec3::zeros();
-        if self.height_m() > LATERAL_HEIGHT_M || phase >= Phase::Descent {
-            let to_target = self.target(mission) - self.now.position;
-            let distance = libm::hypot(to_target.x, to_target.y);
-            if distance > 1e-9 {
-                let speed =
-                    approach_speed(distance, mission.lateral_acceleration_m_s2, mission.lateral_speed_m_s);
-                wanted.x = to_target.x / distance * speed;
-                wanted.y = to_target.y / distance * speed;
-            }
-        }
-        wanted.z = -self.climb_speed(mission, phase);
-
-        let mut change = wanted - self.now.velocity;
-        let lateral = libm::hypot(change.x, change.y);
-        let lateral_most = mission.lateral_acceleration_m_s2 * dt_s;
-        if lateral > lateral_most {
-            change.x *= lateral_most / lateral;
-            change.y *= lateral_most / lateral;
-        }
-        let vertical_most = mission.acceleration_m_s2 * dt_s;
-        change.z = change.z.clamp(-vertical_most, vertical_most);
-
-        self.now.position += (self.now.velocity + change * 0.5) * dt_s;
-        self.now.velocity += change;
-        self.now.acceleration = if dt_s > 0.0 { change / dt_s } else { Vec3::zeros() };
-        self.window[self.cursor] = self.now;
-        self.cursor = (self.cursor + 1) % WINDOW;
+    /// Speed of the last metres (m/s).
+    pub fn final_speed_m_s(&self) -> f64 {
+        TERMINAL_SHARE * self.mission.terminal_speed_m_s
     }
 
-    fn target(&self, mission: &Mission) -> Vec3 {
-        self.rest_ned_m + Vec3::new(mission.target_north_east_m[0], mission.target_north_east_m[1], 0.0)
+    /// The closed-form motion of a phase from a motion under way, `start` the time it begins.
+    pub fn ramps(&self, phase: Phase, from: &Reference, start: SimTime) -> Trajectory {
+        let mut ramp = Ramp::new(from);
+        let mut nodes = vec![ramp.node(0.0)];
+        // Still after the unsmoothed motion has arrived, until the average has too.
+        let mut still = 0;
+        while still <= WINDOW && (nodes.len() as f64) * STEP_S < LONGEST_S {
+            ramp.step(self, phase);
+            nodes.push(ramp.node(nodes.len() as f64 * STEP_S));
+            still = if ramp.has_arrived(self, phase) { still + 1 } else { 0 };
+        }
+        Trajectory::new(start, from.heading_rad, nodes)
     }
 
-    fn climb_speed(&self, mission: &Mission, phase: Phase) -> f64 {
+    fn height_m(&self, position_ned_m: Vec3) -> f64 {
+        self.rest_ned_m.z - position_ned_m.z
+    }
+
+    fn climb_speed(&self, phase: Phase, height: f64) -> f64 {
+        let mission = self.mission;
         let a = mission.acceleration_m_s2;
-        let height = self.height_m();
         match phase {
             Phase::Ascent | Phase::Hover => {
                 let up = mission.hover_height_m - height;
                 let limit = if up > 0.0 { mission.ascent_speed_m_s } else { mission.descent_speed_m_s };
                 approach_speed(up.abs(), a, limit).copysign(up)
             }
-            Phase::Descent | Phase::Terminal => {
+            Phase::Descent | Phase::Terminal | Phase::AbortLand => {
                 let v = TERMINAL_SHARE * mission.terminal_speed_m_s;
                 // The smoothed reference is half a window late: at the terminal height it still has the
                 // speed that the braking takes off in that time, so all of it begins that much higher.
@@ -151,6 +170,84 @@ impl ReferenceGenerator {
             }
             _ => 0.0,
         }
+    }
+}
+
+/// A ramp under way: the unsmoothed motion, and the last of it for the average.
+#[derive(Clone, Debug)]
+struct Ramp {
+    now: Motion,
+    window: [Motion; WINDOW],
+    cursor: usize,
+}
+
+impl Ramp {
+    /// The first average is the motion given.
+    fn new(from: &Reference) -> Self {
+        let (p, v, a) = (from.position_ned_m, from.velocity_ned_m_s, from.acceleration_ned_m_s2);
+        let at =
+            |t: f64| Motion { position: p + v * t + a * (0.5 * t * t), velocity: v + a * t, acceleration: a };
+        // The mean of the window lies at its middle: the unsmoothed motion runs half a window ahead.
+        let middle = 0.5 * (WINDOW - 1) as f64;
+        let window = core::array::from_fn(|k| at((k as f64 - middle) * STEP_S));
+        Self { now: at(middle * STEP_S), window, cursor: 0 }
+    }
+
+    /// Mean of the window.
+    fn node(&self, time_s: f64) -> Node {
+        let mean = |of: fn(&Motion) -> Vec3| self.window.iter().map(of).sum::<Vec3>() / WINDOW as f64;
+        Node {
+            time_s,
+            position_ned_m: mean(|m| m.position),
+            velocity_ned_m_s: mean(|m| m.velocity),
+            acceleration_ned_m_s2: mean(|m| m.acceleration),
+        }
+    }
+
+    /// The motion keeps its velocity from here on.
+    fn has_arrived(&self, course: &Course, phase: Phase) -> bool {
+        let (p, v) = (self.now.position, self.now.velocity);
+        let aside = course.landing_ned_m() - p;
+        let over = libm::hypot(aside.x, aside.y) < 1e-3 && libm::hypot(v.x, v.y) < 3e-3;
+        let vertical = match phase {
+            Phase::Ascent | Phase::Hover => (course.hover_ned_m().z - p.z).abs() < 1e-3 && v.z.abs() < 3e-3,
+            Phase::Descent | Phase::Terminal | Phase::AbortLand => (v.z - course.final_speed_m_s()).abs() < 1e-9,
+            _ => true,
+        };
+        over && vertical
+    }
+
+    fn step(&mut self, course: &Course, phase: Phase) {
+        let mission = course.mission;
+        let height = course.height_m(self.now.position);
+        let mut wanted = Vec3::zeros();
+        if height > LATERAL_HEIGHT_M || phase >= Phase::Descent {
+            let to_target = course.landing_ned_m() - self.now.position;
+            let distance = libm::hypot(to_target.x, to_target.y);
+            if distance > 1e-9 {
+                let speed =
+                    approach_speed(distance, mission.lateral_acceleration_m_s2, mission.lateral_speed_m_s);
+                wanted.x = to_target.x / distance * speed;
+                wanted.y = to_target.y / distance * speed;
+            }
+        }
+        wanted.z = -course.climb_speed(phase, height);
+
+        let mut change = wanted - self.now.velocity;
+        let lateral = libm::hypot(change.x, change.y);
+        let lateral_most = mission.lateral_acceleration_m_s2 * STEP_S;
+        if lateral > lateral_most {
+            change.x *= lateral_most / lateral;
+            change.y *= lateral_most / lateral;
+        }
+        let vertical_most = mission.acceleration_m_s2 * STEP_S;
+        change.z = change.z.clamp(-vertical_most, vertical_most);
+
+        self.now.position += (self.now.velocity + change * 0.5) * STEP_S;
+        self.now.velocity += change;
+        self.now.acceleration = change / STEP_S;
+        self.window[self.cursor] = self.now;
+        self.cursor = (self.cursor + 1) % WINDOW;
     }
 }
 
@@ -171,53 +268,73 @@ mod tests {
 
     const REST: Vec3 = Vec3::new(0.0, 0.0, -0.741);
 
+    fn standing(position_ned_m: Vec3) -> Reference {
+        Reference { position_ned_m, ..Reference::default() }
+    }
+
     #[test]
     fn climb_ends_at_the_hover_height_within_the_limits() {
         let mission = Mission::default();
-        let mut generator = ReferenceGenerator::at_rest(REST, 0.0);
-        let (mut previous, mut time_s) = (generator.reference(), 0.0);
-        while !generator.is_at_hover(&mission) && time_s < 30.0 {
-            generator.step(&mission, Phase::Ascent, 0.004);
-            time_s += 0.004;
-            let now = generator.reference();
-            assert!(-now.velocity_ned_m_s.z <= 6.0 + 1e-9);
-            assert!(now.acceleration_ned_m_s2.z.abs() <= 1.6 + 1e-9);
+        let course = Course { mission: &mission, rest_ned_m: REST };
+        let climb = course.ramps(Phase::Ascent, &standing(REST), SimTime::ZERO);
+        for pair in climb.nodes().windows(2) {
+            let (a, b) = (&pair[0], &pair[1]);
+            assert!(-b.velocity_ned_m_s.z <= 6.0 + 1e-9);
+            assert!(b.acceleration_ned_m_s2.z.abs() <= 1.6 + 1e-9);
             // Consistent derivatives: the mean velocity of the step moves the position.
-            let moved = now.position_ned_m.z - previous.position_ned_m.z;
-            let mean = 0.5 * (now.velocity_ned_m_s.z + previous.velocity_ned_m_s.z);
-            assert!((moved - mean * 0.004).abs() < 1e-9);
-            previous = now;
+            let moved = b.position_ned_m.z - a.position_ned_m.z;
+            let mean = 0.5 * (b.velocity_ned_m_s.z + a.velocity_ned_m_s.z);
+            assert!((moved - mean * STEP_S).abs() < 1e-9);
         }
+        let arrived = (0..).map(|i| 0.01 * f64::from(i)).find(|&t| course.is_at_hover(&climb.after(t))).unwrap();
         // 6/1.6 s of each ramp, the rest at 6 m/s: 12.1 s; the linear end costs under 1 s.
-        assert!(time_s > 12.0 && time_s < 13.2, "{time_s}");
-        assert!(generator.height_m() <= mission.hover_height_m + 1e-9);
+        assert!(arrived > 12.0 && arrived < 13.2, "{arrived}");
+        assert!((climb.last().position_ned_m - course.hover_ned_m()).norm() < 2e-3);
     }
 
     #[test]
     fn descent_reaches_the_terminal_speed_at_the_terminal_height() {
         let mission = Mission::default();
-        let above = REST - Vec3::new(0.0, 0.0, 50.0);
-        let mut generator =
-            ReferenceGenerator::moving(REST, &Reference { position_ned_m: above, ..Reference::default() });
-        while REST.z - generator.reference().position_ned_m.z > mission.terminal_height_m {
-            generator.step(&mission, Phase::Descent, 0.004);
-        }
-        let speed = generator.reference().velocity_ned_m_s.z;
+        let course = Course { mission: &mission, rest_ned_m: REST };
+        let down = course.ramps(Phase::Descent, &standing(course.hover_ned_m()), SimTime::ZERO);
+        let low = |t: &f64| REST.z - down.after(*t).position_ned_m.z <= mission.terminal_height_m;
+        let time_s = (0..).map(|i| 0.004 * f64::from(i)).find(low).unwrap();
+        let speed = down.after(time_s).velocity_ned_m_s.z;
         assert!((speed - TERMINAL_SHARE * 0.8).abs() < 1e-3, "{speed}");
+        // And keeps it for good.
+        assert!((down.after(time_s + 60.0).velocity_ned_m_s.z - speed).abs() < 1e-3);
     }
 
     #[test]
     fn a_motion_under_way_is_braked_and_led_to_the_target() {
         let mission = Mission { target_north_east_m: [8.0, -3.0], ..Mission::default() };
-        let start = REST + Vec3::new(-2.0, 1.0, -20.0);
-        let velocity_ned_m_s = Vec3::new(-3.0, 2.0, 4.0);
-        let under_way = Reference { position_ned_m: start, velocity_ned_m_s, ..Reference::default() };
-        let mut generator = ReferenceGenerator::moving(REST, &under_way);
-        assert!((generator.reference().position_ned_m - start).norm() < 1e-12);
-        for _ in 0..6000 {
-            generator.step(&mission, Phase::Hover, 0.004);
+        let course = Course { mission: &mission, rest_ned_m: REST };
+        let under_way = Reference {
+            position_ned_m: REST + Vec3::new(-2.0, 1.0, -20.0),
+            velocity_ned_m_s: Vec3::new(-3.0, 2.0, 4.0),
+            ..Reference::default()
+        };
+        let way = course.ramps(Phase::Hover, &under_way, SimTime::ZERO);
+        assert!((way.after(0.0).position_ned_m - under_way.position_ned_m).norm() < 1e-12);
+        let end = way.last().position_ned_m - REST;
+        assert!((end - Vec3::new(8.0, -3.0, -50.0)).norm() < 0.01, "{end}");
+    }
+
+    #[test]
+    fn the_clock_meets_a_vehicle_that_is_late_and_leaves_one_that_is_beside_the_path() {
+        let along = |at: f64, speed: f64| Node {
+            time_s: at,
+            position_ned_m: Vec3::new(0.0, 0.0, speed * at),
+            velocity_ned_m_s: Vec3::new(0.0, 0.0, speed),
+            acceleration_ned_m_s2: Vec3::zeros(),
+        };
+        let mut guidance = Guidance::at_rest(Vec3::zeros(), 0.0);
+        guidance.follow(Trajectory::new(SimTime::ZERO, 0.0, vec![along(0.0, 4.0), along(20.0, 4.0)]), 0.0);
+        // The vehicle flies the path half a second late, and a metre beside it.
+        for i in 0..2500 {
+            let t = 0.004 * f64::from(i);
+            guidance.advance(Vec3::new(1.0, 0.0, 4.0 * (t - 0.5)), 0.004);
         }
-        let end = generator.reference().position_ned_m - REST;
-        assert!((end - Vec3::new(8.0, -3.0, -50.0)).norm() < 0.05, "{end}");
+        assert!((guidance.elapsed_s() - 9.5).abs() < 0.01, "{}", guidance.elapsed_s());
     }
 }
