@@ -140,7 +140,7 @@ impl ReferenceGenerator {
                 let limit = if up > 0.0 { mission.ascent_speed_m_s } else { mission.descent_speed_m_s };
                 approach_speed(up.abs(), a, limit).copysign(up)
             }
-            Phase::Descent | Phase::Terminal => {
+            Phase::Descent | Phase::Terminal | Phase::AbortLand => {
                 let v = TERMINAL_SHARE * mission.terminal_speed_m_s;
                 // The smoothed reference is half a window late: at the terminal height it still has the
                 // speed that the braking takes off in that time, so all of it begins that much higher.
