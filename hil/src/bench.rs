@@ -61,6 +61,8 @@ pub struct Belief {
     pub reference_ned_m: hopbench::frame::Vec3,
     /// Where it takes it to be (m).
     pub estimate_ned_m: hopbench::frame::Vec3,
+    /// Whether and why it has given the mission up.
+    pub abort: Option<hopbench::autopilot::abort::Abort>,
 }
 
 /// One run on one link.
@@ -345,6 +347,7 @@ impl<'a> Bench<'a> {
         }
         self.flight.shadow(&self.command);
         if let Some(belief) = self.belief.and_then(|belief| belief()) {
+            self.flight.note_abort(belief.abort);
             self.flight.note_phase(belief.phase);
             self.flight.set_reference_elsewhere(Some(belief.reference_ned_m));
             if self.flight.has_touched_down() {

@@ -130,6 +130,7 @@ impl Pilot {
             phase: self.autopilot.phase().name(),
             reference_ned_m: self.autopilot.reference().position_ned_m,
             estimate_ned_m: self.autopilot.estimate().position_ned_m,
+            abort: self.autopilot.abort(),
         }
     }
 }

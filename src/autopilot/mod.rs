@@ -14,6 +14,7 @@
 //! Position is local: the origin lies on the pad surface under the point where the vehicle was aligned, so
 //! that the constant part of satellite navigation's error cancels.
 
+pub mod abort;
 pub mod alignment;
 pub mod allocation;
 pub mod control;
@@ -23,10 +24,12 @@ pub mod phase;
 pub mod propellant;
 pub mod trajectory;
 
-use crate::frame::{Vec3, heading_rad};
+use crate::frame::{Vec3, heading_rad, tilt_rad};
 use crate::input::Invalid;
 use crate::signal::{ActuatorCommand, Discrete, Measurement, Throttle};
 use crate::time::SimTime;
+pub use abort::AbortLimits;
+use abort::{Abort, AbortKind, AbortWatch, Signs};
 use allocation::{ActuatorParameters, Allocation, ThrustMap};
 use control::{Controller, Gains, Integrate, Limits, Motion};
 use guidance::{Reference, ReferenceGenerator};
@@ -85,6 +88,13 @@ impl Parameters {
                 ),
             ));
         }
+        let (limit, abort) = (self.mission.tilt_limit_rad, self.mission.abort.tilt_rad);
+        if abort <= limit {
+            return Err(Invalid::new(
+                "mission.abort.tilt_rad",
+                format!("{abort} rad must lie over mission.tilt_limit_rad = {limit} rad"),
+            ));
+        }
         Ok(())
     }
 }
@@ -141,6 +151,7 @@ pub struct Autopilot {
     navigation: Navigation,
     propellant: PropellantEstimate,
     sequence: Sequence,
+    abort_watch: AbortWatch,
     generator: ReferenceGenerator,
     controller: Controller,
     allocation: Allocation,
@@ -153,6 +164,7 @@ pub struct Autopilot {
     landed_s: f64,
     held_torque_xy_n_m: [f64; 2],
     drag_ne_m_s2: [f64; 2],
+    air_ne_m_s2: [f64; 2],
 }
 
 /// Rise of the throttle from idle to lift-off (N/s): slow against the valve, short against the flight.
@@ -161,10 +173,10 @@ const LIFT_RAMP_N_S: f64 = 800.0;
 const AIRBORNE_HEIGHT_M: f64 = 0.04;
 /// A target farther than this from where a hand-over finds the vehicle is not worth the propellant (m).
 const TARGET_REACH_M: f64 = 15.0;
-/// Propellant time kept beyond what the way down needs (s).
-const RESERVE_S: f64 = 2.0;
 /// Averaging of what another pilot holds: gimbal trim and drag (s).
 const SHADOW_TIME_S: f64 = 1.0;
+/// Averaging of the force of the air (s).
+const AIR_TIME_S: f64 = 1.0;
 
 impl Autopilot {
     /// On the pad, nothing known yet. Parameters are taken as they are: see [`Parameters::validate`].
@@ -174,6 +186,7 @@ impl Autopilot {
             navigation: Navigation::new(parameters.navigation.clone()),
             propellant: PropellantEstimate::new(&parameters.propellant),
             sequence: Sequence::default(),
+            abort_watch: AbortWatch::new(&parameters.mission),
             generator: ReferenceGenerator::at_rest(rest, parameters.navigation.rest_heading_rad),
             controller: Controller::default(),
             allocation: Allocation::default(),
@@ -186,6 +199,7 @@ impl Autopilot {
             landed_s: 0.0,
             held_torque_xy_n_m: [0.0; 2],
             drag_ne_m_s2: [0.0; 2],
+            air_ne_m_s2: [0.0; 2],
             parameters,
         }
     }
@@ -194,7 +208,7 @@ impl Autopilot {
     pub fn update(&mut self, m: &Measurement) -> ActuatorCommand {
         let standing = match self.sequence.phase() {
             phase if phase.is_before_lift_off() => Standing::OnPad,
-            Phase::Shutdown | Phase::Done if self.landed_s > 0.5 => Standing::Landed,
+            Phase::Shutdown | Phase::Done | Phase::AbortCut if self.landed_s > 0.5 => Standing::Landed,
             _ => Standing::No,
         };
         let Some(dt_s) = self.sense(m, standing) else { return self.command };
@@ -202,6 +216,7 @@ impl Autopilot {
         let phase = self.sequence.phase();
         let evidence = self.evidence();
         self.sequence.step(&self.parameters.mission, &self.parameters.sequence, &evidence, dt_s);
+        self.watch_for_abort(dt_s);
         if self.sequence.phase() != phase {
             self.enter(self.sequence.phase());
         }
@@ -261,7 +276,15 @@ impl Autopilot {
         if libm::hypot(away.x, away.y) > TARGET_REACH_M {
             self.parameters.mission.target_north_east_m = [position.x - rest.x, position.y - rest.y];
         }
-        let heading = heading_rad(&self.navigation.q_ned_from_body());
+        self.generator = ReferenceGenerator::moving(rest, &self.under_way());
+        self.controller = Controller::resume(self.held_torque_xy_n_m, self.drag_ne_m_s2.map(|a| -a));
+        self.allocation = Allocation::resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
+        self.sequence.enter(phase, elapsed_s);
+    }
+
+    /// The motion of this moment as a reference, its acceleration within the mission's.
+    fn under_way(&self) -> Reference {
+        let (position_ned_m, velocity_ned_m_s) = self.navigation.point(Vec3::zeros());
         let q = self.navigation.q_ned_from_body();
         let mut acceleration = q * self.navigation.specific_force_body_m_s2();
         acceleration.z += self.parameters.navigation.gravity_m_s2;
@@ -271,16 +294,12 @@ impl Autopilot {
             mission.lateral_acceleration_m_s2,
             mission.acceleration_m_s2,
         );
-        let under_way = Reference {
-            position_ned_m: position,
-            velocity_ned_m_s: velocity,
+        Reference {
+            position_ned_m,
+            velocity_ned_m_s,
             acceleration_ned_m_s2: acceleration.zip_map(&most, |a, most| a.clamp(-most, most)),
-            heading_rad: heading,
-        };
-        self.generator = ReferenceGenerator::moving(rest, &under_way);
-        self.controller = Controller::resume(self.held_torque_xy_n_m, self.drag_ne_m_s2.map(|a| -a));
-        self.allocation = Allocation::resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
-        self.sequence.enter(phase, elapsed_s);
+            heading_rad: heading_rad(&q),
+        }
     }
 
     /// The present phase.
@@ -288,12 +307,18 @@ impl Autopilot {
         self.sequence.phase()
     }
 
+    /// The decision to end the mission early, if one has fallen: the newest and gravest.
+    pub const fn abort(&self) -> Option<Abort> {
+        self.abort_watch.abort()
+    }
+
     /// The reference being tracked.
     pub fn reference(&self) -> Reference {
         self.generator.reference()
     }
 
-    /// The mission as it is being flown; the target moves only at a hand-over far from it.
+    /// The mission as it is being flown; the target moves at a hand-over far from it, and with an abort to
+    /// where the vehicle can stop.
     pub const fn mission(&self) -> &Mission {
         &self.parameters.mission
     }
@@ -358,6 +383,8 @@ impl Autopilot {
             self.propellant.trim_step(&self.parameters.propellant, force_n, dt_s);
         }
 
+        self.watch_air(dt_s);
+
         let force = self.navigation.specific_force_body_m_s2();
         let quiet = (force.norm() - self.parameters.navigation.gravity_m_s2).abs() < 1.0
             && self.navigation.rate_body_rad_s().norm() < 0.1
@@ -379,11 +406,75 @@ impl Autopilot {
             unexplained_force: (force_n - self.propellant.thrust_n()) / weight_n.max(1.0),
             reference_at_hover: self.generator.is_at_hover(&self.parameters.mission),
             reference_over_target: self.generator.is_over_target(&self.parameters.mission),
-            propellant_low: self.propellant_low(),
         }
     }
 
+    /// Leaves the mission where an abort is decided.
+    fn watch_for_abort(&mut self, dt_s: f64) {
+        let (limits, phase) = (&self.parameters.mission.abort, self.sequence.phase());
+        let signs = self.signs();
+        match self.abort_watch.step(limits, phase, &signs, self.time, dt_s).map(|abort| abort.kind) {
+            Some(AbortKind::Land) => self.sequence.enter(Phase::AbortLand, 0.0),
+            Some(AbortKind::Cut) => self.sequence.enter(Phase::AbortCut, 0.0),
+            None => {}
+        }
+    }
+
+    fn signs(&self) -> Signs {
+        let seen = self.evidence();
+        let sight = self.navigation.sight();
+        let (position, _) = self.navigation.point(Vec3::zeros());
+        let from_start = position - self.parameters.navigation.rest_ned_m;
+        let gravity = self.parameters.navigation.gravity_m_s2;
+        Signs {
+            propellant_low: self.propellant_low(),
+            tilt_rad: tilt_rad(&self.navigation.q_ned_from_body()),
+            gnss_refused: sight.gnss_refused,
+            gnss_silence_s: sight.gnss_silence_s,
+            altimeter_silence_s: sight.altimeter_silence_s,
+            air_m_s2: libm::hypot(self.air_ne_m_s2[0], self.air_ne_m_s2[1]),
+            guidance_exhausted: false,
+            off_reference_m: (position - self.generator.reference().position_ned_m).norm(),
+            from_start_m: libm::hypot(from_start.x, from_start.y),
+            height_m: seen.height_m,
+            descent_speed_m_s: seen.descent_speed_m_s,
+            full_thrust_m_s2: self.parameters.actuators.thrust_max_n / self.propellant.mass_kg.max(1e-3)
+                - gravity,
+            unexplained_force: seen.unexplained_force,
+        }
+    }
+
+    /// Specific force across the long axis is the engine's, as far as the gimbal explains it, and the air's.
+    fn watch_air(&mut self, dt_s: f64) {
+        if !self.integrate.airborne {
+            return;
+        }
+        let engine_m_s2 = self.propellant.thrust_n() / self.propellant.mass_kg.max(1e-3);
+        let mut across = self.navigation.specific_force_body_m_s2();
+        across.x -= engine_m_s2 * libm::sin(self.command.gimbal_y_rad);
+        across.y += engine_m_s2 * libm::sin(self.command.gimbal_x_rad);
+        across.z = 0.0;
+        let across_ned = self.navigation.q_ned_from_body() * across;
+        for (air, now) in self.air_ne_m_s2.iter_mut().zip([across_ned.x, across_ned.y]) {
+            *air += (now - *air) * dt_s / AIR_TIME_S;
+        }
+    }
+
+    /// Down from where the vehicle can come to a stop.
+    fn land_here(&mut self) {
+        let rest = self.parameters.navigation.rest_ned_m;
+        let under_way = self.under_way();
+        let v = under_way.velocity_ned_m_s;
+        let stop_s = libm::hypot(v.x, v.y) / (2.0 * self.parameters.mission.lateral_acceleration_m_s2);
+        let target = under_way.position_ned_m - rest + v * stop_s;
+        self.parameters.mission.target_north_east_m = [target.x, target.y];
+        self.generator = ReferenceGenerator::moving(rest, &under_way);
+    }
+
     fn enter(&mut self, phase: Phase) {
+        if phase == Phase::AbortLand {
+            self.land_here();
+        }
         if phase == Phase::Ascent {
             let heading = heading_rad(&self.navigation.q_ned_from_body());
             self.generator = ReferenceGenerator::at_rest(self.parameters.navigation.rest_ned_m, heading);
@@ -411,8 +502,10 @@ impl Autopilot {
             Phase::Ignition => {
                 ActuatorCommand { throttle: self.throttle(idle_n), discrete: Discrete::FLIGHT, ..armed }
             }
-            Phase::Ascent | Phase::Hover | Phase::Descent | Phase::Terminal => self.track(dt_s),
-            Phase::Touchdown | Phase::Shutdown => {
+            Phase::Ascent | Phase::Hover | Phase::Descent | Phase::Terminal | Phase::AbortLand => {
+                self.track(dt_s)
+            }
+            Phase::Touchdown | Phase::Shutdown | Phase::AbortCut => {
                 ActuatorCommand { discrete: Discrete { igniter: false, ..Discrete::FLIGHT }, ..armed }
             }
         }
@@ -537,6 +630,6 @@ impl Autopilot {
         let gravity = self.parameters.navigation.gravity_m_s2;
         let left_s =
             self.propellant.endurance_s(&self.parameters.propellant, &self.parameters.thrust_map, gravity);
-        left_s < down_s + RESERVE_S
+        left_s < down_s + mission.abort.reserve_s
     }
 }

@@ -151,6 +151,17 @@ pub struct NavigationHealth {
     pub resets: u64,
 }
 
+/// How long the filter has been flying blind.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sight {
+    /// Satellite fixes refused, in part or whole, in succession.
+    pub gnss_refused: u32,
+    /// Time since the last fix that was used whole (s).
+    pub gnss_silence_s: f64,
+    /// Time since the last range that was used (s).
+    pub altimeter_silence_s: f64,
+}
+
 /// The filter.
 #[derive(Clone, Debug)]
 pub struct Navigation {
@@ -168,7 +179,8 @@ pub struct Navigation {
     time: Option<SimTime>,
     datum: Option<Datum>,
     altimeter_offset_m: f64,
-    gnss_refused: u32,
+    sight: Sight,
+    gnss_contradictions: u32,
     altimeter_refused: u32,
     standing_for: u32,
     health: NavigationHealth,
@@ -211,7 +223,8 @@ impl Navigation {
             time: None,
             datum: None,
             altimeter_offset_m: 0.0,
-            gnss_refused: 0,
+            sight: Sight::default(),
+            gnss_contradictions: 0,
             altimeter_refused: 0,
             standing_for: 0,
             health: NavigationHealth::default(),
@@ -342,6 +355,8 @@ impl Navigation {
                 self.health.rejected += 1;
                 self.predict(self.specific_force_body_m_s2, self.rate_body_rad_s, dt_s);
             }
+            self.sight.gnss_silence_s += dt_s;
+            self.sight.altimeter_silence_s += dt_s;
             self.time = Some(m.time);
             self.remember(m.time);
             self.use_rest(standing);
@@ -576,8 +591,15 @@ impl Navigation {
             let innovation = fix.velocity_ned_m_s[i] - antenna_velocity[i];
             refused |= !self.fuse(&h, innovation, square(p.velocity_std_m_s[which]) + 1e-4, 5.0);
         }
-        self.gnss_refused = if refused { self.gnss_refused + 1 } else { 0 };
-        if self.gnss_refused >= 20 {
+        if refused {
+            self.sight.gnss_refused += 1;
+            self.gnss_contradictions += 1;
+        } else {
+            self.sight.gnss_refused = 0;
+            self.sight.gnss_silence_s = 0.0;
+            self.gnss_contradictions = 0;
+        }
+        if self.gnss_contradictions >= 20 {
             // Two seconds of contradiction: it is the filter that is wrong.
             self.loosen();
         }
@@ -639,6 +661,7 @@ impl Navigation {
         let variance = square(p.altimeter[0]) + square(p.altimeter[1] * range_m) + 1e-4;
         if self.fuse(&h, range_m - expected, variance, 6.0) {
             self.altimeter_refused = 0;
+            self.sight.altimeter_silence_s = 0.0;
         } else {
             self.altimeter_refused += 1;
             if self.altimeter_refused >= 50 {
@@ -655,7 +678,7 @@ impl Navigation {
             self.covariance[(P + i, P + i)] += 4.0;
             self.covariance[(V + i, V + i)] += 0.25;
         }
-        self.gnss_refused = 0;
+        self.gnss_contradictions = 0;
         self.health.resets += 1;
     }
 
@@ -709,6 +732,11 @@ impl Navigation {
     /// Covariance of position, velocity and attitude, for consistency tests.
     pub fn motion_covariance(&self) -> SMatrix<f64, 9, 9> {
         self.covariance.fixed_view::<9, 9>(0, 0).into_owned()
+    }
+
+    /// How long satellites and altimeter have been silent.
+    pub const fn sight(&self) -> Sight {
+        self.sight
     }
 
     /// Counters.

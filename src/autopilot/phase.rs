@@ -1,9 +1,11 @@
 //! Mission and sequence: what is to be flown, and which part of it the vehicle is in.
 //!
-//! The sequence is a chain without branches, from alignment on the pad to disarmed on the pad. Each
-//! step is left on evidence from the sensors (chamber lit, height reached, contact), and where evidence
-//! may never come, on time.
+//! The sequence is a chain, from alignment on the pad to disarmed on the pad. Each step is left on evidence
+//! from the sensors (chamber lit, height reached, contact), and where evidence may never come, on time.
+//! An abort ([`super::abort`]) is the only branch: it is entered from outside and joins the chain again at
+//! the last metres or at disarmed.
 
+use super::abort::AbortLimits;
 use serde::{Deserialize, Serialize};
 
 /// Part of the flight. Serialised and named in snake case.
@@ -32,6 +34,10 @@ pub enum Phase {
     Shutdown,
     /// Disarmed.
     Done,
+    /// Mission given up: down where the vehicle is, until the last metres.
+    AbortLand,
+    /// Vehicle given up: engine off.
+    AbortCut,
 }
 
 impl Phase {
@@ -48,12 +54,14 @@ impl Phase {
             Self::Touchdown => "touchdown",
             Self::Shutdown => "shutdown",
             Self::Done => "done",
+            Self::AbortLand => "abort_land",
+            Self::AbortCut => "abort_cut",
         }
     }
 
     /// Thrust and attitude are under feedback.
     pub const fn is_flight(self) -> bool {
-        matches!(self, Self::Ascent | Self::Hover | Self::Descent | Self::Terminal)
+        matches!(self, Self::Ascent | Self::Hover | Self::Descent | Self::Terminal | Self::AbortLand)
     }
 
     /// Before the engine is commanded to lift: the vehicle certainly stands where it was put.
@@ -129,6 +137,8 @@ pub struct Mission {
     /// Time between arming and throttle, for the isolation valve (s).
     #[schemars(range(min = 0.0, max = 60.0))]
     pub ready_s: f64,
+    /// What ends the mission early.
+    pub abort: AbortLimits,
 }
 
 impl Default for Mission {
@@ -149,6 +159,7 @@ impl Default for Mission {
             tilt_limit_rad: 0.21,
             alignment_s: 3.0,
             ready_s: 1.5,
+            abort: AbortLimits::default(),
         }
     }
 }
@@ -198,8 +209,6 @@ pub struct Evidence {
     pub reference_at_hover: bool,
     /// The reference stands over the landing point.
     pub reference_over_target: bool,
-    /// Propellant lasts no longer than the way down needs.
-    pub propellant_low: bool,
 }
 
 /// The running sequence.
@@ -266,18 +275,18 @@ impl Sequence {
             Phase::Ready => (t >= mission.ready_s).then_some(Phase::Ignition),
             Phase::Ignition if self.flame_for_s >= parameters.thrust_rise_s => Some(Phase::Ascent),
             Phase::Ignition => (t >= parameters.ignition_timeout_s).then_some(Phase::Shutdown),
-            Phase::Ascent if e.propellant_low => Some(Phase::Descent),
             Phase::Ascent => e.reference_at_hover.then_some(Phase::Hover),
-            Phase::Hover if e.propellant_low => Some(Phase::Descent),
             Phase::Hover => {
                 let there = e.reference_over_target || t >= mission.hover_time_s + TARGET_WAIT_S;
                 (t >= mission.hover_time_s && there).then_some(Phase::Descent)
             }
-            Phase::Descent if contact => Some(Phase::Touchdown),
-            Phase::Descent => (e.height_m <= mission.terminal_height_m).then_some(Phase::Terminal),
+            Phase::Descent | Phase::AbortLand if contact => Some(Phase::Touchdown),
+            Phase::Descent | Phase::AbortLand => {
+                (e.height_m <= mission.terminal_height_m).then_some(Phase::Terminal)
+            }
             Phase::Terminal => contact.then_some(Phase::Touchdown),
             Phase::Touchdown => (t >= 0.3).then_some(Phase::Shutdown),
-            Phase::Shutdown => (t >= parameters.disarm_after_s).then_some(Phase::Done),
+            Phase::Shutdown | Phase::AbortCut => (t >= parameters.disarm_after_s).then_some(Phase::Done),
             Phase::Done => None,
         }
     }
@@ -301,7 +310,7 @@ impl Sequence {
             Phase::Terminal if low => stopped || carried,
             Phase::Terminal => self.time_in_phase_s > SETTLED_IN_TERMINAL_S && stopped && carried,
             // A vehicle that meets the ground while it believes to be high is stopped hard.
-            Phase::Descent => {
+            Phase::Descent | Phase::AbortLand => {
                 self.time_in_phase_s > SETTLED_IN_DESCENT_S && stopped && e.unexplained_force > 0.5
             }
             _ => false,
@@ -323,7 +332,6 @@ mod tests {
             unexplained_force,
             reference_at_hover: false,
             reference_over_target: false,
-            propellant_low: false,
         }
     }
 

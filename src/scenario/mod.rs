@@ -382,7 +382,7 @@ pub enum Outcome {
     Tipped,
     /// Hit the ground harder than the legs can take, or with something else than the legs.
     Crashed,
-    /// Ended early, on request or by an abort.
+    /// Ended early, on request or by an abort: on its legs, at rest, engine off after an abort in flight, or back there without ever having lifted off.
     Aborted,
     /// An open-loop run reached its duration.
     Completed,

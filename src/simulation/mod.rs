@@ -12,6 +12,7 @@ pub use referee::{Circumstances, Referee, Rules};
 pub use report::{Event, FlownBy, Report, Source};
 
 use crate::autopilot::Autopilot;
+use crate::autopilot::abort::{Abort, AbortKind};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::plant::{Plant, Snapshot};
@@ -42,6 +43,7 @@ pub struct Flight {
     source: Source,
     armed: bool,
     phase: Option<&'static str>,
+    abort: Option<Abort>,
     hash: Fnv,
     steps: u64,
     estimate_at_touchdown: Option<Vec3>,
@@ -124,6 +126,7 @@ impl Flight {
             source: Source::Autopilot,
             armed: false,
             phase: None,
+            abort: None,
             hash: Fnv::default(),
             steps: 0,
             estimate_at_touchdown: None,
@@ -160,6 +163,7 @@ impl Flight {
             &self.snapshot,
             &Circumstances {
                 armed: command.armed,
+                aborted: self.abort.is_some(),
                 throttle: self.plant.throttle_on(command),
                 mission_s: self.plant.mission_s(),
                 hover_reference_ned_m: self.hover_reference(),
@@ -253,11 +257,12 @@ impl Flight {
         &mut self.autopilot
     }
 
-    /// Lets the built-in autopilot fly: what it commands on the newest measurement. Its phases become
-    /// events.
+    /// Lets the built-in autopilot fly: what it commands on the newest measurement. Its phases and aborts
+    /// become events.
     pub fn autopilot_command(&mut self) -> Option<ActuatorCommand> {
         let measurement = self.measurement.as_ref()?;
         let command = self.autopilot.update(measurement);
+        self.note_abort(self.autopilot.abort());
         self.note_phase(self.autopilot.phase().name());
         Some(command)
     }
@@ -267,6 +272,20 @@ impl Flight {
         if self.phase != Some(phase) {
             self.phase = Some(phase);
             self.event(&format!("phase:{phase}"), String::new());
+        }
+    }
+
+    /// Notes that whoever carries the mission has given it up.
+    pub fn note_abort(&mut self, abort: Option<Abort>) {
+        if self.abort != abort
+            && let Some(Abort { kind, reason, time }) = abort
+        {
+            self.abort = abort;
+            let how = match kind {
+                AbortKind::Land => "lands where it is",
+                AbortKind::Cut => "engine cut",
+            };
+            self.event(&format!("abort:{}", reason.name()), format!("{how}, decided at {:.3} s", time.s()));
         }
     }
 

@@ -68,6 +68,8 @@ struct HoverSums {
 pub struct Circumstances {
     /// Whoever flies has it armed.
     pub armed: bool,
+    /// Whoever flies has given the mission up.
+    pub aborted: bool,
     /// Whoever flies asks for thrust.
     pub throttle: bool,
     /// Time since the first flame (s).
@@ -212,11 +214,12 @@ impl Referee {
             }
             return seen;
         };
+        let down = if is.aborted { Outcome::Aborted } else { Outcome::Landed };
         if at_rest {
-            self.end(Outcome::Landed);
+            self.end(down);
         }
         if time_s - contact.time_s >= AFTER_CONTACT_S && !self.rules.scheduled {
-            self.end(if rested_s >= REST_S { Outcome::Landed } else { Outcome::Timeout });
+            self.end(if rested_s >= REST_S { down } else { Outcome::Timeout });
         }
         seen
     }

@@ -45,7 +45,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut link = Link::open(&args.plant)?;
     let stop = hil::stop_on_signal()?;
     eprintln!("flying {} for the plant on {}", scenario.name, link.address());
-    let mut phase = "";
+    let (mut phase, mut abort) = ("", None);
     let heard = Cell::new(false);
     let due = Cell::new(Instant::now() + Duration::from_secs(1));
     let address = link.address().to_owned();
@@ -61,6 +61,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         },
         |belief| {
             heard.set(true);
+            if belief.abort != abort {
+                abort = belief.abort;
+                if let Some(abort) = abort {
+                    eprintln!("abort: {} at {:.3} s", abort.reason.name(), abort.time.s());
+                }
+            }
             if belief.phase != phase {
                 phase = belief.phase;
                 eprintln!("{phase}");

@@ -1,0 +1,451 @@
+//! Aborts: what ends a mission early, how, and when it was decided.
+//!
+//! Two ways out. [`AbortKind::Land`] gives up the mission: down where the vehicle is, under control.
+//! [`AbortKind::Cut`] gives up the vehicle: engine off, wherever it is. Every trigger has a name, a limit in the
+//! `[mission.abort]` table and a time for which its condition has to hold without a break. A decision is latched: no
+//! way leads from a landing back to the mission, and none from a cut to anything.
+//!
+//! The conditions are kinematic and few, so that they can be read off a recording; what they compare is the
+//! navigation's belief, since there is no other.
+
+use super::phase::{Mission, Phase};
+use crate::time::SimTime;
+use serde::{Deserialize, Serialize};
+
+/// The `[mission.abort]` table: limits of the flight. Heights are of the pivot above its rest height.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct AbortLimits {
+    /// `propellant`, a landing: propellant time kept beyond what the way down needs (s).
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub reserve_s: f64,
+    /// `tilt`, a landing: greatest tilt (rad); it must lie over `mission.tilt_limit_rad`.
+    #[schemars(range(min = 0.05, max = 1.5))]
+    pub tilt_rad: f64,
+    /// `tilt`: for so long (s).
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub tilt_s: f64,
+    /// `navigation`, a landing: satellite fixes refused in succession, while the altimeter is silent for a second. Three mean a receiver or a filter that is wrong.
+    #[schemars(range(min = 1, max = 100))]
+    pub gnss_refused: u32,
+    /// `navigation`, a landing: time without a satellite fix that was used, while the altimeter is silent (s). The filter coasts 5 s within 1.5 m.
+    #[schemars(range(min = 0.2, max = 60.0))]
+    pub gnss_silence_s: f64,
+    /// `wind`, a landing: greatest sideways acceleration by the air, averaged over a second (m/s²).
+    #[schemars(range(min = 0.05, max = 10.0))]
+    pub wind_m_s2: f64,
+    /// `off_reference`, a landing: greatest distance from the reference (m).
+    #[schemars(range(min = 0.5, max = 200.0))]
+    pub tube_m: f64,
+    /// `toppling`, a cut: greatest tilt (rad).
+    #[schemars(range(min = 0.1, max = 3.0))]
+    pub cut_tilt_rad: f64,
+    /// `flight_volume`, a cut: radius of the cylinder about the starting point that must not be left (m); absent: 30 m beyond the landing point.
+    #[schemars(range(min = 1.0, max = 5000.0))]
+    pub radius_m: Option<f64>,
+    /// `flight_volume`, a cut: height of its ceiling (m); absent: 20 m over the hover.
+    #[schemars(range(min = 1.0, max = 5000.0))]
+    pub ceiling_m: Option<f64>,
+    /// `cannot_stop`, a cut: speed at which the ground may be met after braking with full thrust all the way (m/s).
+    #[schemars(range(min = 0.5, max = 50.0))]
+    pub impact_speed_m_s: f64,
+    /// `cannot_stop`: height under which braking does more than falling, so that the engine stays on (m).
+    #[schemars(range(min = 0.0, max = 500.0))]
+    pub ballistic_height_m: f64,
+    /// `runaway`, a cut: share of the weight by which thrust may exceed what was commanded while the vehicle climbs.
+    #[schemars(range(min = 0.05, max = 5.0))]
+    pub runaway_share: f64,
+    /// Height under which nothing cuts the engine (m).
+    #[schemars(range(min = 0.0, max = 50.0))]
+    pub cut_height_m: f64,
+}
+
+impl Default for AbortLimits {
+    fn default() -> Self {
+        Self {
+            reserve_s: 2.0,
+            tilt_rad: 0.262,
+            tilt_s: 0.3,
+            gnss_refused: 3,
+            gnss_silence_s: 6.0,
+            wind_m_s2: 0.6,
+            tube_m: 5.0,
+            cut_tilt_rad: 0.61,
+            radius_m: None,
+            ceiling_m: None,
+            impact_speed_m_s: 3.0,
+            ballistic_height_m: 5.0,
+            runaway_share: 0.35,
+            cut_height_m: 0.5,
+        }
+    }
+}
+
+/// How a mission ends early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AbortKind {
+    /// Down where the vehicle is, under control.
+    Land,
+    /// Engine off.
+    Cut,
+}
+
+/// Why a mission ends early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AbortReason {
+    /// What is left no longer than carries the vehicle down.
+    Propellant,
+    /// Tilted beyond what control commands.
+    Tilt,
+    /// Neither satellites nor altimeter.
+    Navigation,
+    /// More sideways force by the air than is allowed.
+    Wind,
+    /// Guidance has nothing left to offer.
+    Guidance,
+    /// The vehicle is not where the reference is.
+    OffReference,
+    /// Tilted beyond return.
+    Toppling,
+    /// About to leave the volume cleared for the flight.
+    FlightVolume,
+    /// Full thrust would not stop the fall before the ground.
+    CannotStop,
+    /// Thrust far above the command.
+    Runaway,
+}
+
+impl AbortReason {
+    /// All of them, cuts first: of two in one step the graver counts.
+    pub const ALL: [Self; 10] = [
+        Self::Toppling,
+        Self::FlightVolume,
+        Self::CannotStop,
+        Self::Runaway,
+        Self::Guidance,
+        Self::Tilt,
+        Self::OffReference,
+        Self::Navigation,
+        Self::Wind,
+        Self::Propellant,
+    ];
+
+    /// Name in events: `abort:NAME`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Propellant => "propellant",
+            Self::Tilt => "tilt",
+            Self::Navigation => "navigation",
+            Self::Wind => "wind",
+            Self::Guidance => "guidance",
+            Self::OffReference => "off_reference",
+            Self::Toppling => "toppling",
+            Self::FlightVolume => "flight_volume",
+            Self::CannotStop => "cannot_stop",
+            Self::Runaway => "runaway",
+        }
+    }
+
+    /// What it leads to.
+    pub const fn kind(self) -> AbortKind {
+        match self {
+            Self::Toppling | Self::FlightVolume | Self::CannotStop | Self::Runaway => AbortKind::Cut,
+            _ => AbortKind::Land,
+        }
+    }
+
+    /// Time for which the condition has to hold (s).
+    fn confirmation_s(self, limits: &AbortLimits) -> f64 {
+        match self {
+            Self::Tilt => limits.tilt_s,
+            Self::Wind => 1.0,
+            Self::OffReference | Self::Runaway => 0.5,
+            Self::CannotStop | Self::FlightVolume => 0.2,
+            Self::Toppling | Self::Propellant | Self::Navigation | Self::Guidance => 0.1,
+        }
+    }
+}
+
+/// A decision to end the mission.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Abort {
+    /// How.
+    pub kind: AbortKind,
+    /// Why.
+    pub reason: AbortReason,
+    /// When, on the flight computer's clock.
+    pub time: SimTime,
+}
+
+/// What the decision is made on, all of it estimated.
+#[derive(Clone, Copy, Debug)]
+pub struct Signs {
+    /// Propellant lasts no longer than the way down and the reserve.
+    pub propellant_low: bool,
+    /// Angle between the long axis and the vertical (rad).
+    pub tilt_rad: f64,
+    /// Satellite fixes refused in succession.
+    pub gnss_refused: u32,
+    /// Time since the last fix that was used (s).
+    pub gnss_silence_s: f64,
+    /// Time since the last range that was used (s).
+    pub altimeter_silence_s: f64,
+    /// Sideways acceleration by the air (m/s²).
+    pub air_m_s2: f64,
+    /// Guidance has no trajectory and no fallback left.
+    pub guidance_exhausted: bool,
+    /// Distance from the reference (m).
+    pub off_reference_m: f64,
+    /// Horizontal distance from the starting point (m).
+    pub from_start_m: f64,
+    /// Height of the pivot above rest (m).
+    pub height_m: f64,
+    /// Speed downward (m/s).
+    pub descent_speed_m_s: f64,
+    /// Upward acceleration under full thrust, upright (m/s²).
+    pub full_thrust_m_s2: f64,
+    /// Axial force beyond the thrust that the command explains, as a share of the weight.
+    pub unexplained_force: f64,
+}
+
+/// Silence of the altimeter that counts as having none (s).
+const ALTIMETER_SILENCE_S: f64 = 1.0;
+/// Thrust above the command is a runaway only in a vehicle that rises: legs carry too (m/s).
+const RUNAWAY_CLIMB_M_S: f64 = 1.0;
+/// Who sinks slower than this does not fall (m/s).
+const FALL_M_S: f64 = 1.0;
+/// Flight volume where none is given: beyond the landing point and over the hover (m).
+const VOLUME_BEYOND_TARGET_M: f64 = 30.0;
+const VOLUME_OVER_HOVER_M: f64 = 20.0;
+
+/// Watches over one flight.
+#[derive(Clone, Debug)]
+pub struct AbortWatch {
+    radius_m: f64,
+    ceiling_m: f64,
+    inside: bool,
+    held_s: [f64; AbortReason::ALL.len()],
+    abort: Option<Abort>,
+}
+
+impl AbortWatch {
+    /// Before the flight; the volume is that of the mission as it was loaded.
+    pub fn new(mission: &Mission) -> Self {
+        let [north, east] = mission.target_north_east_m;
+        let limits = &mission.abort;
+        Self {
+            radius_m: limits.radius_m.unwrap_or(libm::hypot(north, east) + VOLUME_BEYOND_TARGET_M),
+            ceiling_m: limits.ceiling_m.unwrap_or(mission.hover_height_m + VOLUME_OVER_HOVER_M),
+            inside: false,
+            held_s: [0.0; AbortReason::ALL.len()],
+            abort: None,
+        }
+    }
+
+    /// The decision in force.
+    pub const fn abort(&self) -> Option<Abort> {
+        self.abort
+    }
+
+    /// One step in a phase; gives a decision when it falls.
+    pub fn step(
+        &mut self,
+        limits: &AbortLimits,
+        phase: Phase,
+        signs: &Signs,
+        time: SimTime,
+        dt_s: f64,
+    ) -> Option<Abort> {
+        if !phase.is_flight() {
+            return None;
+        }
+        let outside = signs.from_start_m > self.radius_m || signs.height_m > self.ceiling_m;
+        let mut decided = None;
+        for (reason, held_s) in AbortReason::ALL.into_iter().zip(&mut self.held_s) {
+            let condition = match reason {
+                // Leaving counts: who takes over outside is not shot down for what another pilot did.
+                AbortReason::FlightVolume => self.inside && outside,
+                _ => holds(reason, limits, signs),
+            };
+            let asked = condition && may_abort(reason, limits, phase, signs, self.abort);
+            *held_s = if asked { *held_s + dt_s } else { 0.0 };
+            if asked && *held_s >= reason.confirmation_s(limits) && decided.is_none() {
+                decided = Some(Abort { kind: reason.kind(), reason, time });
+            }
+        }
+        self.inside |= !outside;
+        self.abort = decided.or(self.abort);
+        decided
+    }
+}
+
+/// Whether a trigger has anything to change in this phase.
+fn may_abort(
+    reason: AbortReason,
+    limits: &AbortLimits,
+    phase: Phase,
+    signs: &Signs,
+    so_far: Option<Abort>,
+) -> bool {
+    match (reason.kind(), so_far) {
+        (AbortKind::Cut, Some(Abort { kind: AbortKind::Cut, .. })) | (AbortKind::Land, Some(_)) => false,
+        (AbortKind::Cut, _) => signs.height_m >= limits.cut_height_m,
+        // On its way down it has what it needs for that or never will.
+        (AbortKind::Land, None) if reason == AbortReason::Propellant => {
+            matches!(phase, Phase::Ascent | Phase::Hover)
+        }
+        (AbortKind::Land, None) => matches!(phase, Phase::Ascent | Phase::Hover | Phase::Descent),
+    }
+}
+
+/// Whether the condition of a trigger holds now.
+fn holds(reason: AbortReason, limits: &AbortLimits, s: &Signs) -> bool {
+    match reason {
+        AbortReason::Propellant => s.propellant_low,
+        AbortReason::Tilt => s.tilt_rad > limits.tilt_rad,
+        AbortReason::Navigation => {
+            let no_satellites =
+                s.gnss_refused >= limits.gnss_refused || s.gnss_silence_s > limits.gnss_silence_s;
+            no_satellites && s.altimeter_silence_s > ALTIMETER_SILENCE_S
+        }
+        AbortReason::Wind => s.air_m_s2 > limits.wind_m_s2,
+        AbortReason::Guidance => s.guidance_exhausted,
+        AbortReason::OffReference => s.off_reference_m > limits.tube_m,
+        AbortReason::Toppling => s.tilt_rad > limits.cut_tilt_rad,
+        AbortReason::FlightVolume => false,
+        AbortReason::CannotStop => {
+            // v² - 2 a h is the square of the speed left at the ground.
+            let v = s.descent_speed_m_s;
+            let left = v * v - 2.0 * s.full_thrust_m_s2 * s.height_m;
+            v > FALL_M_S
+                && s.height_m > limits.ballistic_height_m
+                && left > limits.impact_speed_m_s * limits.impact_speed_m_s
+        }
+        AbortReason::Runaway => {
+            s.unexplained_force > limits.runaway_share && s.descent_speed_m_s < -RUNAWAY_CLIMB_M_S
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calm() -> Signs {
+        Signs {
+            propellant_low: false,
+            tilt_rad: 0.1,
+            gnss_refused: 0,
+            gnss_silence_s: 0.1,
+            altimeter_silence_s: 10.0,
+            air_m_s2: 0.2,
+            guidance_exhausted: false,
+            off_reference_m: 0.5,
+            from_start_m: 1.0,
+            height_m: 30.0,
+            descent_speed_m_s: 0.0,
+            full_thrust_m_s2: 4.0,
+            unexplained_force: 0.05,
+        }
+    }
+
+    /// Reason and time of what `signs` lead to within five seconds of a phase.
+    fn decision(phase: Phase, signs: &Signs) -> Option<(AbortReason, f64)> {
+        let mission = Mission::default();
+        let mut watch = AbortWatch::new(&mission);
+        watch.step(&mission.abort, phase, &calm(), SimTime::ZERO, 0.004);
+        (1..=1250).find_map(|i| {
+            let time = SimTime::from_us(4000 * i);
+            watch.step(&mission.abort, phase, signs, time, 0.004).map(|a| (a.reason, a.time.s()))
+        })
+    }
+
+    #[test]
+    fn every_trigger_fires_at_its_limit_after_its_time() {
+        let silent = Signs { gnss_silence_s: 6.1, ..calm() };
+        let falling = Signs { descent_speed_m_s: 16.0, ..calm() };
+        // Expected times in steps of 4 ms: the first that is no shorter than the confirmation.
+        let cases = [
+            (Signs { tilt_rad: 0.263, ..calm() }, AbortReason::Tilt, 0.3),
+            (Signs { tilt_rad: 0.62, ..calm() }, AbortReason::Toppling, 0.1),
+            (silent, AbortReason::Navigation, 0.1),
+            (Signs { gnss_refused: 3, ..calm() }, AbortReason::Navigation, 0.1),
+            (Signs { air_m_s2: 0.61, ..calm() }, AbortReason::Wind, 1.0),
+            (Signs { guidance_exhausted: true, ..calm() }, AbortReason::Guidance, 0.1),
+            (Signs { off_reference_m: 5.1, ..calm() }, AbortReason::OffReference, 0.5),
+            (Signs { propellant_low: true, ..calm() }, AbortReason::Propellant, 0.1),
+            (Signs { from_start_m: 30.1, ..calm() }, AbortReason::FlightVolume, 0.2),
+            (Signs { height_m: 70.1, ..calm() }, AbortReason::FlightVolume, 0.2),
+            // 16² - 2·4·30 = 16 = 4²: over the 3 m/s that are allowed.
+            (falling, AbortReason::CannotStop, 0.2),
+            (Signs { unexplained_force: 0.4, descent_speed_m_s: -2.0, ..calm() }, AbortReason::Runaway, 0.5),
+        ];
+        for (signs, reason, after_s) in cases {
+            let (found, at_s) = decision(Phase::Hover, &signs).unwrap_or_else(|| panic!("{reason:?}"));
+            assert_eq!(found, reason);
+            assert!(at_s >= after_s - 1e-9 && at_s < after_s + 0.005, "{reason:?} after {at_s} s");
+        }
+    }
+
+    #[test]
+    fn what_lies_inside_every_limit_fires_nothing() {
+        let still_fine = [
+            calm(),
+            Signs { tilt_rad: 0.26, ..calm() },
+            Signs { gnss_silence_s: 60.0, gnss_refused: 20, altimeter_silence_s: 0.1, ..calm() },
+            // 15.4² - 240 is under 0: it stops.
+            Signs { descent_speed_m_s: 15.4, ..calm() },
+            Signs { descent_speed_m_s: 12.0, height_m: 4.0, ..calm() },
+            Signs { unexplained_force: 1.0, descent_speed_m_s: 0.0, ..calm() },
+            Signs { tilt_rad: f64::NAN, air_m_s2: f64::NAN, from_start_m: f64::NAN, ..calm() },
+        ];
+        for signs in still_fine {
+            assert_eq!(decision(Phase::Hover, &signs), None, "{signs:?}");
+        }
+        // On the pad and after contact nothing is judged, low down nothing cuts.
+        let bad = Signs { tilt_rad: 1.0, propellant_low: true, ..calm() };
+        for phase in [Phase::Ignition, Phase::Touchdown, Phase::Shutdown, Phase::AbortCut] {
+            assert_eq!(decision(phase, &bad), None);
+        }
+        assert_eq!(decision(Phase::Terminal, &Signs { height_m: 0.4, ..bad }), None);
+    }
+
+    #[test]
+    fn an_interrupted_condition_starts_again() {
+        let mission = Mission::default();
+        let mut watch = AbortWatch::new(&mission);
+        for i in 0..10_000u64 {
+            let signs = Signs { tilt_rad: if i % 70 == 0 { 0.1 } else { 0.3 }, ..calm() };
+            let time = SimTime::from_us(4000 * i);
+            // 69 steps of 4 ms are 276 ms of the 300 ms that it takes.
+            assert_eq!(watch.step(&mission.abort, Phase::Hover, &signs, time, 0.004), None);
+        }
+    }
+
+    #[test]
+    fn a_decision_stands_and_only_a_cut_comes_over_a_landing() {
+        let mission = Mission::default();
+        let mut watch = AbortWatch::new(&mission);
+        let mut run = |phase, signs: Signs| {
+            (0..500).find_map(|i| {
+                watch.step(&mission.abort, phase, &signs, SimTime::from_us(4000 * i), 0.004).map(|a| a.reason)
+            })
+        };
+        assert_eq!(run(Phase::Hover, Signs { air_m_s2: 1.0, ..calm() }), Some(AbortReason::Wind));
+        assert_eq!(run(Phase::AbortLand, Signs { guidance_exhausted: true, ..calm() }), None);
+        assert_eq!(run(Phase::AbortLand, Signs { tilt_rad: 0.7, ..calm() }), Some(AbortReason::Toppling));
+        assert_eq!(run(Phase::AbortCut, Signs { from_start_m: 99.0, ..calm() }), None);
+        assert_eq!(watch.abort().map(|a| a.reason), Some(AbortReason::Toppling));
+    }
+
+    #[test]
+    fn who_takes_over_outside_the_volume_is_not_cut() {
+        let mission = Mission::default();
+        let mut watch = AbortWatch::new(&mission);
+        for i in 0..1000 {
+            let signs = Signs { from_start_m: 80.0, ..calm() };
+            let time = SimTime::from_us(4000 * i);
+            assert_eq!(watch.step(&mission.abort, Phase::Hover, &signs, time, 0.004), None);
+        }
+    }
+}
