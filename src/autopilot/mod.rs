@@ -17,27 +17,34 @@
 pub mod abort;
 pub mod alignment;
 pub mod allocation;
+mod belief;
 pub mod control;
+mod flying;
 pub mod guidance;
+pub mod mpc;
 pub mod navigation;
 pub mod phase;
 pub mod propellant;
+pub mod tracking;
 pub mod trajectory;
 
-use crate::frame::{Vec3, heading_rad, tilt_rad};
+use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::signal::{ActuatorCommand, Discrete, Measurement, Throttle};
+use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
+use abort::{Abort, AbortWatch};
 pub use abort::AbortLimits;
-use abort::{Abort, AbortKind, AbortWatch, Signs};
 use allocation::{ActuatorParameters, Allocation, ThrustMap};
-use control::{Controller, Gains, Integrate, Limits, Motion};
-use guidance::{Reference, ReferenceGenerator};
+use control::{Controller, Gains, Integrate};
+use guidance::Guidance;
 use nalgebra::UnitQuaternion;
 use navigation::{Navigation, NavigationHealth, NavigationParameters, Standing};
-use phase::{Evidence, Sequence, SequenceParameters};
-pub use phase::{MassKnowledge, Mission, MissionKind, Phase};
-use propellant::{MassPoint, PropellantEstimate, PropellantParameters};
+pub use phase::{ControlLaw, MassKnowledge, Mission, MissionKind, Phase};
+use phase::{Sequence, SequenceParameters};
+use propellant::{PropellantEstimate, PropellantParameters};
+use tracking::observer::Observer;
+use tracking::{Tracker, TrackingParameters};
+use trajectory::Reference;
 
 /// Everything the flight controller is told before the flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,8 +61,10 @@ pub struct Parameters {
     pub thrust_map: ThrustMap,
     /// Limits of the actuators.
     pub actuators: ActuatorParameters,
-    /// Loop gains.
+    /// Gains of the cascaded controller.
     pub gains: Gains,
+    /// Predictive tracking.
+    pub tracking: TrackingParameters,
 }
 
 impl Parameters {
@@ -152,7 +161,9 @@ pub struct Autopilot {
     propellant: PropellantEstimate,
     sequence: Sequence,
     abort_watch: AbortWatch,
-    generator: ReferenceGenerator,
+    guidance: Guidance,
+    observer: Observer,
+    tracker: Tracker,
     controller: Controller,
     allocation: Allocation,
     command: ActuatorCommand,
@@ -162,32 +173,29 @@ pub struct Autopilot {
     hovered_s: f64,
     demanded_s: f64,
     landed_s: f64,
-    held_torque_xy_n_m: [f64; 2],
-    drag_ne_m_s2: [f64; 2],
-    air_ne_m_s2: [f64; 2],
 }
 
-/// Rise of the throttle from idle to lift-off (N/s): slow against the valve, short against the flight.
-const LIFT_RAMP_N_S: f64 = 800.0;
-/// Height above rest that only free flight reaches: legs give a centimetre (m).
-const AIRBORNE_HEIGHT_M: f64 = 0.04;
 /// A target farther than this from where a hand-over finds the vehicle is not worth the propellant (m).
 const TARGET_REACH_M: f64 = 15.0;
-/// Averaging of what another pilot holds: gimbal trim and drag (s).
-const SHADOW_TIME_S: f64 = 1.0;
-/// Averaging of the force of the air (s).
-const AIR_TIME_S: f64 = 1.0;
-
 impl Autopilot {
     /// On the pad, nothing known yet. Parameters are taken as they are: see [`Parameters::validate`].
     pub fn new(parameters: Parameters) -> Self {
         let rest = parameters.navigation.rest_ned_m;
+        let (propellant, tracking) = (&parameters.propellant, &parameters.tracking);
+        let tracker = Tracker::new(
+            tracking,
+            &tracking.airframe(&propellant.full, propellant.lag_s),
+            &tracking.airframe(&propellant.empty, propellant.lag_s),
+            parameters.navigation.gravity_m_s2,
+        );
         Self {
             navigation: Navigation::new(parameters.navigation.clone()),
             propellant: PropellantEstimate::new(&parameters.propellant),
             sequence: Sequence::default(),
             abort_watch: AbortWatch::new(&parameters.mission),
-            generator: ReferenceGenerator::at_rest(rest, parameters.navigation.rest_heading_rad),
+            guidance: Guidance::at_rest(rest, parameters.navigation.rest_heading_rad),
+            observer: Observer::default(),
+            tracker,
             controller: Controller::default(),
             allocation: Allocation::default(),
             command: ActuatorCommand::SAFE,
@@ -197,9 +205,6 @@ impl Autopilot {
             hovered_s: 0.0,
             demanded_s: 0.0,
             landed_s: 0.0,
-            held_torque_xy_n_m: [0.0; 2],
-            drag_ne_m_s2: [0.0; 2],
-            air_ne_m_s2: [0.0; 2],
             parameters,
         }
     }
@@ -243,7 +248,7 @@ impl Autopilot {
             self.sequence.enter(Phase::Ready, 0.0);
         }
         if self.integrate.airborne {
-            self.watch_pilot(dt_s);
+            self.watch_hover(dt_s);
         } else if self.height_m() > 0.3 && self.demanded_s > 0.2 {
             self.integrate.airborne = true;
         }
@@ -276,29 +281,18 @@ impl Autopilot {
         if libm::hypot(away.x, away.y) > TARGET_REACH_M {
             self.parameters.mission.target_north_east_m = [position.x - rest.x, position.y - rest.y];
         }
-        self.generator = ReferenceGenerator::moving(rest, &self.under_way());
-        self.controller = Controller::resume(self.held_torque_xy_n_m, self.drag_ne_m_s2.map(|a| -a));
+        self.follow_ramps(phase, &self.under_way());
+        self.tracker.reset();
+        self.controller = self.cascade_from_observer();
         self.allocation = Allocation::resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
         self.sequence.enter(phase, elapsed_s);
     }
 
-    /// The motion of this moment as a reference, its acceleration within the mission's.
-    fn under_way(&self) -> Reference {
-        let (position_ned_m, velocity_ned_m_s) = self.navigation.point(Vec3::zeros());
-        let q = self.navigation.q_ned_from_body();
-        let mut acceleration = q * self.navigation.specific_force_body_m_s2();
-        acceleration.z += self.parameters.navigation.gravity_m_s2;
-        let mission = &self.parameters.mission;
-        let most = Vec3::new(
-            mission.lateral_acceleration_m_s2,
-            mission.lateral_acceleration_m_s2,
-            mission.acceleration_m_s2,
-        );
-        Reference {
-            position_ned_m,
-            velocity_ned_m_s,
-            acceleration_ned_m_s2: acceleration.zip_map(&most, |a, most| a.clamp(-most, most)),
-            heading_rad: heading_rad(&q),
+    /// Time that another pilot has spent at the hover height.
+    fn watch_hover(&mut self, dt_s: f64) {
+        let climb_m_s = self.seen().velocity_ned_m_s.z;
+        if (self.height_m() - self.parameters.mission.hover_height_m).abs() < 2.0 && climb_m_s.abs() < 1.0 {
+            self.hovered_s += dt_s;
         }
     }
 
@@ -314,7 +308,7 @@ impl Autopilot {
 
     /// The reference being tracked.
     pub fn reference(&self) -> Reference {
-        self.generator.reference()
+        self.guidance.reference()
     }
 
     /// The mission as it is being flown; the target moves at a hand-over far from it, and with an abort to
@@ -323,313 +317,8 @@ impl Autopilot {
         &self.parameters.mission
     }
 
-    /// What is believed now.
-    pub fn estimate(&self) -> Estimate {
-        let (position_ned_m, velocity_ned_m_s) = self.navigation.point(Vec3::zeros());
-        let (_, com_velocity_ned_m_s) = self.navigation.point(self.mass_properties().com_body_m);
-        let (gyro_bias_rad_s, accel_bias_m_s2, baro_offset_m) = self.navigation.biases();
-        let [position_std_m, velocity_std_m_s, attitude_std_rad] = self.navigation.standard_deviations();
-        Estimate {
-            time: self.time,
-            aligned: self.navigation.is_aligned(),
-            position_ned_m,
-            velocity_ned_m_s,
-            com_velocity_ned_m_s,
-            q_ned_from_body: self.navigation.q_ned_from_body(),
-            rate_body_rad_s: self.navigation.rate_body_rad_s(),
-            height_m: self.height_m(),
-            gyro_bias_rad_s,
-            accel_bias_m_s2,
-            baro_offset_m,
-            position_std_m,
-            velocity_std_m_s,
-            attitude_std_rad,
-            mass_kg: self.propellant.mass_kg,
-            oxidizer_used_kg: self.propellant.oxidizer_used_kg,
-            fuel_used_kg: self.propellant.fuel_used_kg,
-            thrust_n: self.propellant.thrust_n(),
-            thrust_trim: self.propellant.trim,
-            health: self.navigation.health(),
-        }
-    }
-
     /// The filter, for consistency tests.
     pub const fn navigation(&self) -> &Navigation {
         &self.navigation
-    }
-
-    /// Filter and engine estimate; gives the length of the step, `None` without an inertial sample.
-    fn sense(&mut self, m: &Measurement, standing: Standing) -> Option<f64> {
-        if let Some(p) = m.pressures.chamber_pa.filter(|p| p.is_finite()) {
-            self.chamber_pa = Some(p);
-        }
-        if self.navigation.is_aligned() {
-            self.navigation.step(m, standing);
-        } else {
-            self.navigation.align(m, self.parameters.mission.alignment_s);
-        }
-        let imu = m.imu.as_ref()?;
-        let dt_s = imu.interval_s.clamp(1e-4, 0.05);
-        self.time = m.time;
-
-        let lit = self.chamber_pa.map(|p| p >= 0.5 * self.parameters.sequence.lit_pressure_pa);
-        let demand_n = if self.command.armed { self.demand_n() } else { 0.0 };
-        self.propellant.step(&self.parameters.propellant, &self.parameters.thrust_map, demand_n, lit, dt_s);
-        if self.parameters.mission.mass_knowledge == MassKnowledge::Liftoff {
-            self.propellant.mass_kg = self.parameters.propellant.full.mass_kg;
-        }
-        if self.integrate.airborne && self.height_m() > 0.3 {
-            let force_n = -self.navigation.specific_force_body_m_s2().z * self.propellant.mass_kg;
-            self.propellant.trim_step(&self.parameters.propellant, force_n, dt_s);
-        }
-
-        self.watch_air(dt_s);
-
-        let force = self.navigation.specific_force_body_m_s2();
-        let quiet = (force.norm() - self.parameters.navigation.gravity_m_s2).abs() < 1.0
-            && self.navigation.rate_body_rad_s().norm() < 0.1
-            && demand_n <= self.parameters.propellant.thrust_shut_n;
-        self.landed_s = if quiet { self.landed_s + dt_s } else { 0.0 };
-        Some(dt_s)
-    }
-
-    fn evidence(&self) -> Evidence {
-        let (position, velocity) = self.navigation.point(self.mass_properties().com_body_m);
-        debug_assert!(position.iter().all(|x| x.is_finite()));
-        let weight_n = self.propellant.mass_kg * self.parameters.navigation.gravity_m_s2;
-        let force_n = -self.navigation.specific_force_body_m_s2().z * self.propellant.mass_kg;
-        Evidence {
-            aligned: self.navigation.is_aligned(),
-            chamber_pa: self.chamber_pa,
-            height_m: self.height_m(),
-            descent_speed_m_s: velocity.z,
-            unexplained_force: (force_n - self.propellant.thrust_n()) / weight_n.max(1.0),
-            reference_at_hover: self.generator.is_at_hover(&self.parameters.mission),
-            reference_over_target: self.generator.is_over_target(&self.parameters.mission),
-        }
-    }
-
-    /// Leaves the mission where an abort is decided.
-    fn watch_for_abort(&mut self, dt_s: f64) {
-        let (limits, phase) = (&self.parameters.mission.abort, self.sequence.phase());
-        let signs = self.signs();
-        match self.abort_watch.step(limits, phase, &signs, self.time, dt_s).map(|abort| abort.kind) {
-            Some(AbortKind::Land) => self.sequence.enter(Phase::AbortLand, 0.0),
-            Some(AbortKind::Cut) => self.sequence.enter(Phase::AbortCut, 0.0),
-            None => {}
-        }
-    }
-
-    fn signs(&self) -> Signs {
-        let seen = self.evidence();
-        let sight = self.navigation.sight();
-        let (position, _) = self.navigation.point(Vec3::zeros());
-        let from_start = position - self.parameters.navigation.rest_ned_m;
-        let gravity = self.parameters.navigation.gravity_m_s2;
-        Signs {
-            propellant_low: self.propellant_low(),
-            tilt_rad: tilt_rad(&self.navigation.q_ned_from_body()),
-            gnss_refused: sight.gnss_refused,
-            gnss_silence_s: sight.gnss_silence_s,
-            altimeter_silence_s: sight.altimeter_silence_s,
-            air_m_s2: libm::hypot(self.air_ne_m_s2[0], self.air_ne_m_s2[1]),
-            guidance_exhausted: false,
-            off_reference_m: (position - self.generator.reference().position_ned_m).norm(),
-            from_start_m: libm::hypot(from_start.x, from_start.y),
-            height_m: seen.height_m,
-            descent_speed_m_s: seen.descent_speed_m_s,
-            full_thrust_m_s2: self.parameters.actuators.thrust_max_n / self.propellant.mass_kg.max(1e-3)
-                - gravity,
-            unexplained_force: seen.unexplained_force,
-        }
-    }
-
-    /// Specific force across the long axis is the engine's, as far as the gimbal explains it, and the air's.
-    fn watch_air(&mut self, dt_s: f64) {
-        if !self.integrate.airborne {
-            return;
-        }
-        let engine_m_s2 = self.propellant.thrust_n() / self.propellant.mass_kg.max(1e-3);
-        let mut across = self.navigation.specific_force_body_m_s2();
-        across.x -= engine_m_s2 * libm::sin(self.command.gimbal_y_rad);
-        across.y += engine_m_s2 * libm::sin(self.command.gimbal_x_rad);
-        across.z = 0.0;
-        let across_ned = self.navigation.q_ned_from_body() * across;
-        for (air, now) in self.air_ne_m_s2.iter_mut().zip([across_ned.x, across_ned.y]) {
-            *air += (now - *air) * dt_s / AIR_TIME_S;
-        }
-    }
-
-    /// Down from where the vehicle can come to a stop.
-    fn land_here(&mut self) {
-        let rest = self.parameters.navigation.rest_ned_m;
-        let under_way = self.under_way();
-        let v = under_way.velocity_ned_m_s;
-        let stop_s = libm::hypot(v.x, v.y) / (2.0 * self.parameters.mission.lateral_acceleration_m_s2);
-        let target = under_way.position_ned_m - rest + v * stop_s;
-        self.parameters.mission.target_north_east_m = [target.x, target.y];
-        self.generator = ReferenceGenerator::moving(rest, &under_way);
-    }
-
-    fn enter(&mut self, phase: Phase) {
-        if phase == Phase::AbortLand {
-            self.land_here();
-        }
-        if phase == Phase::Ascent {
-            let heading = heading_rad(&self.navigation.q_ned_from_body());
-            self.generator = ReferenceGenerator::at_rest(self.parameters.navigation.rest_ned_m, heading);
-            self.controller = Controller::default();
-            self.allocation = Allocation::default();
-        }
-    }
-
-    fn fly(&mut self, dt_s: f64) -> ActuatorCommand {
-        let armed = ActuatorCommand {
-            armed: true,
-            throttle: self.throttle(0.0),
-            discrete: Discrete {
-                igniter: false,
-                isolation_open: true,
-                vent_shut: true,
-                hold_down_released: false,
-            },
-            ..ActuatorCommand::SAFE
-        };
-        let idle_n = self.parameters.actuators.thrust_min_n;
-        match self.sequence.phase() {
-            Phase::Align | Phase::Done => ActuatorCommand::SAFE,
-            Phase::Ready => armed,
-            Phase::Ignition => {
-                ActuatorCommand { throttle: self.throttle(idle_n), discrete: Discrete::FLIGHT, ..armed }
-            }
-            Phase::Ascent | Phase::Hover | Phase::Descent | Phase::Terminal | Phase::AbortLand => {
-                self.track(dt_s)
-            }
-            Phase::Touchdown | Phase::Shutdown | Phase::AbortCut => {
-                ActuatorCommand { discrete: Discrete { igniter: false, ..Discrete::FLIGHT }, ..armed }
-            }
-        }
-    }
-
-    /// Reference, tracking control, allocation.
-    fn track(&mut self, dt_s: f64) -> ActuatorCommand {
-        let phase = self.sequence.phase();
-        let actuators = &self.parameters.actuators;
-        let mass = self.mass_properties();
-        let weight_n = mass.mass_kg * self.parameters.navigation.gravity_m_s2;
-        // The climb begins once the ramp carries the weight; until then the reference stands on the pad.
-        let ceiling_n = if self.integrate.airborne {
-            actuators.thrust_max_n
-        } else {
-            actuators.thrust_min_n + LIFT_RAMP_N_S * self.sequence.time_in_phase_s()
-        };
-        if ceiling_n >= weight_n {
-            self.generator.step(&self.parameters.mission, phase, dt_s);
-        }
-        self.integrate.airborne |= phase != Phase::Ascent || self.height_m() > AIRBORNE_HEIGHT_M;
-
-        let reference = self.generator.reference();
-        let (position_ned_m, velocity_ned_m_s) = self.navigation.point(mass.com_body_m);
-        let motion = Motion {
-            position_ned_m,
-            velocity_ned_m_s,
-            q_ned_from_body: self.navigation.q_ned_from_body(),
-            rate_body_rad_s: self.navigation.rate_body_rad_s(),
-        };
-        let limits = Limits {
-            tilt_rad: self.parameters.mission.tilt_limit_rad,
-            thrust_min_n: actuators.thrust_min_n,
-            thrust_max_n: actuators.thrust_max_n,
-            gravity_m_s2: self.parameters.navigation.gravity_m_s2,
-        };
-        let demand = self.controller.step(
-            &self.parameters.gains,
-            &limits,
-            &reference,
-            &motion,
-            &mass,
-            self.integrate,
-            dt_s,
-        );
-        let thrust_n = (demand.thrust_n.min(ceiling_n) / self.propellant.trim)
-            .clamp(actuators.thrust_min_n, actuators.thrust_max_n);
-        let allocated = self.allocation.step(
-            actuators,
-            demand.torque_body_n_m,
-            self.propellant.thrust_n(),
-            -mass.com_body_m.z,
-            dt_s,
-        );
-        self.integrate.saturated = allocated.saturated;
-        let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
-        ActuatorCommand {
-            armed: true,
-            throttle: self.throttle(if thrust_n.is_finite() { thrust_n } else { weight_n }),
-            gimbal_x_rad: finite(allocated.gimbal_x_rad),
-            gimbal_y_rad: finite(allocated.gimbal_y_rad),
-            rcs_roll: finite(allocated.rcs_roll),
-            discrete: Discrete::FLIGHT,
-        }
-    }
-
-    /// What the other pilot has done and holds, for a hand-over.
-    fn watch_pilot(&mut self, dt_s: f64) {
-        let mission = &self.parameters.mission;
-        let mass = self.mass_properties();
-        let (_, velocity) = self.navigation.point(mass.com_body_m);
-        if (self.height_m() - mission.hover_height_m).abs() < 2.0 && velocity.z.abs() < 1.0 {
-            self.hovered_s += dt_s;
-        }
-        let share = dt_s / SHADOW_TIME_S;
-        let moment_n_m = self.propellant.thrust_n() * -mass.com_body_m.z;
-        let gimbal = [self.command.gimbal_x_rad, self.command.gimbal_y_rad];
-        for (held, angle) in self.held_torque_xy_n_m.iter_mut().zip(gimbal) {
-            *held += (moment_n_m * libm::sin(angle) - *held) * share;
-        }
-        // Sideways specific force is what the air does: thrust is along the long axis.
-        let mut across = self.navigation.specific_force_body_m_s2();
-        across.z = 0.0;
-        let across_ned = self.navigation.q_ned_from_body() * across;
-        for (drag, now) in self.drag_ne_m_s2.iter_mut().zip([across_ned.x, across_ned.y]) {
-            *drag += (now - *drag) * share;
-        }
-    }
-
-    fn throttle(&self, thrust_n: f64) -> Throttle {
-        self.parameters.actuators.throttle(
-            &self.parameters.thrust_map,
-            thrust_n,
-            self.propellant.port_radius_m,
-        )
-    }
-
-    /// Thrust that the command in force asks for (N).
-    fn demand_n(&self) -> f64 {
-        match self.command.throttle {
-            Throttle::ThrustN(thrust_n) => thrust_n,
-            Throttle::ValveRad(angle) => {
-                self.parameters.thrust_map.thrust_at_valve_n(angle, self.propellant.port_radius_m)
-            }
-        }
-    }
-
-    fn mass_properties(&self) -> MassPoint {
-        self.propellant.mass_properties(&self.parameters.propellant)
-    }
-
-    fn height_m(&self) -> f64 {
-        self.parameters.navigation.rest_ned_m.z - self.navigation.point(Vec3::zeros()).0.z
-    }
-
-    fn propellant_low(&self) -> bool {
-        let mission = &self.parameters.mission;
-        let ramps_s = mission.descent_speed_m_s / mission.acceleration_m_s2;
-        let down_s = self.height_m().max(0.0) / mission.descent_speed_m_s
-            + ramps_s
-            + mission.terminal_height_m / mission.terminal_speed_m_s;
-        let gravity = self.parameters.navigation.gravity_m_s2;
-        let left_s =
-            self.propellant.endurance_s(&self.parameters.propellant, &self.parameters.thrust_map, gravity);
-        left_s < down_s + mission.abort.reserve_s
     }
 }

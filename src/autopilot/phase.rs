@@ -90,6 +90,17 @@ pub enum MassKnowledge {
     Liftoff,
 }
 
+/// What turns a reference into thrust and moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ControlLaw {
+    /// Model-predictive control with the cascade as its last rung.
+    #[default]
+    Predictive,
+    /// The cascaded loops alone.
+    Cascaded,
+}
+
 /// The `[mission]` table of a scenario. Heights are of the pivot above its rest height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -98,6 +109,8 @@ pub struct Mission {
     pub kind: MissionKind,
     /// What the autopilot believes of mass, centre of mass and inertia in flight.
     pub mass_knowledge: MassKnowledge,
+    /// What follows the reference.
+    pub control: ControlLaw,
     /// Greatest speed of the climb (m/s).
     #[schemars(range(min = 0.2, max = 20.0))]
     pub ascent_speed_m_s: f64,
@@ -146,6 +159,7 @@ impl Default for Mission {
         Self {
             kind: MissionKind::Hop,
             mass_knowledge: MassKnowledge::default(),
+            control: ControlLaw::default(),
             ascent_speed_m_s: 6.0,
             hover_height_m: 50.0,
             hover_time_s: 10.0,

@@ -14,6 +14,7 @@ pub mod model;
 pub mod observer;
 
 use super::mpc::{self, CostToGo, InfiniteHorizon, Linear, Problem, Solution, StageCost, Status, Tilt};
+use super::propellant::MassPoint;
 use super::trajectory::Reference;
 use crate::frame::{Mat3, Vec3};
 use model::{ANGLE_RAD, Airframe, INPUTS, Pose, STATES, THRUST_N, TORQUE_N_M};
@@ -152,8 +153,9 @@ pub struct Tracker {
 
 impl TrackingParameters {
     /// The vehicle as the model wants it.
-    pub fn airframe(&self, mass_kg: f64, inertia_kg_m2: [f64; 3], com_z_m: f64, thrust_lag_s: f64) -> Airframe {
-        let arm_m = -com_z_m;
+    pub fn airframe(&self, mass: &MassPoint, thrust_lag_s: f64) -> Airframe {
+        let MassPoint { mass_kg, inertia_kg_m2, com_body_m } = *mass;
+        let arm_m = -com_body_m.z;
         let share = |inertia: f64| (self.engine_inertia_kg_m2 + self.engine_moment_kg_m * arm_m) / inertia.max(1e-3);
         Airframe {
             mass_kg,

@@ -1,0 +1,232 @@
+//! What the flight controller does: phases entered, references flown, commands made.
+
+use super::Autopilot;
+use super::abort::AbortKind;
+use super::allocation::Allocation;
+use super::control::{Controller, Limits, Motion};
+use super::guidance::Course;
+use super::phase::{ControlLaw, Phase};
+use super::tracking::{Control, Situation};
+use super::trajectory::Reference;
+use crate::frame::{Vec3, heading_rad};
+use crate::signal::{ActuatorCommand, Discrete, Throttle};
+
+/// Rise of the throttle from idle to lift-off (N/s): slow against the valve, short against the flight.
+const LIFT_RAMP_N_S: f64 = 800.0;
+/// Height above rest that only free flight reaches: legs give a centimetre (m).
+const AIRBORNE_HEIGHT_M: f64 = 0.04;
+
+impl Autopilot {
+    /// Leaves the mission where an abort is decided.
+    pub(super) fn watch_for_abort(&mut self, dt_s: f64) {
+        let (limits, phase) = (&self.parameters.mission.abort, self.sequence.phase());
+        let signs = self.signs();
+        match self.abort_watch.step(limits, phase, &signs, self.time, dt_s).map(|abort| abort.kind) {
+            Some(AbortKind::Land) => self.sequence.enter(Phase::AbortLand, 0.0),
+            Some(AbortKind::Cut) => self.sequence.enter(Phase::AbortCut, 0.0),
+            None => {}
+        }
+    }
+
+    /// The motion of this moment as a reference, its acceleration within the mission's.
+    pub(super) fn under_way(&self) -> Reference {
+        let (position_ned_m, velocity_ned_m_s) = self.navigation.point(Vec3::zeros());
+        let q = self.navigation.q_ned_from_body();
+        let mut acceleration = q * self.navigation.specific_force_body_m_s2();
+        acceleration.z += self.parameters.navigation.gravity_m_s2;
+        let mission = &self.parameters.mission;
+        let most = Vec3::new(
+            mission.lateral_acceleration_m_s2,
+            mission.lateral_acceleration_m_s2,
+            mission.acceleration_m_s2,
+        );
+        Reference {
+            position_ned_m,
+            velocity_ned_m_s,
+            acceleration_ned_m_s2: acceleration.zip_map(&most, |a, most| a.clamp(-most, most)),
+            heading_rad: heading_rad(&q),
+        }
+    }
+
+    /// The goals of the mission.
+    pub(super) fn course(&self) -> Course<'_> {
+        Course { mission: &self.parameters.mission, rest_ned_m: self.parameters.navigation.rest_ned_m }
+    }
+
+    /// The closed-form motion of a phase from a motion under way, at once.
+    pub(super) fn follow_ramps(&mut self, phase: Phase, from: &Reference) {
+        let ramps = self.course().ramps(phase, from, self.time);
+        self.guidance.follow(ramps, 0.0);
+    }
+
+    /// Down from where the vehicle can come to a stop.
+    fn land_here(&mut self) {
+        let rest = self.parameters.navigation.rest_ned_m;
+        let under_way = self.under_way();
+        let v = under_way.velocity_ned_m_s;
+        let stop_s = libm::hypot(v.x, v.y) / (2.0 * self.parameters.mission.lateral_acceleration_m_s2);
+        let target = under_way.position_ned_m - rest + v * stop_s;
+        self.parameters.mission.target_north_east_m = [target.x, target.y];
+        self.follow_ramps(Phase::AbortLand, &under_way);
+    }
+
+    pub(super) fn enter(&mut self, phase: Phase) {
+        match phase {
+            Phase::AbortLand => self.land_here(),
+            Phase::Ascent => {
+                let heading_rad = heading_rad(&self.navigation.q_ned_from_body());
+                let position_ned_m = self.parameters.navigation.rest_ned_m;
+                self.controller = Controller::default();
+                self.allocation = Allocation::default();
+                self.follow_ramps(phase, &Reference { position_ned_m, heading_rad, ..Reference::default() });
+            }
+            Phase::Hover | Phase::Descent => self.follow_ramps(phase, &self.guidance.reference()),
+            _ => {}
+        }
+    }
+
+    pub(super) fn fly(&mut self, dt_s: f64) -> ActuatorCommand {
+        let armed = ActuatorCommand {
+            armed: true,
+            throttle: self.throttle(0.0),
+            discrete: Discrete {
+                igniter: false,
+                isolation_open: true,
+                vent_shut: true,
+                hold_down_released: false,
+            },
+            ..ActuatorCommand::SAFE
+        };
+        let idle_n = self.parameters.actuators.thrust_min_n;
+        match self.sequence.phase() {
+            Phase::Align | Phase::Done => ActuatorCommand::SAFE,
+            Phase::Ready => armed,
+            Phase::Ignition => {
+                ActuatorCommand { throttle: self.throttle(idle_n), discrete: Discrete::FLIGHT, ..armed }
+            }
+            Phase::Ascent | Phase::Hover | Phase::Descent | Phase::Terminal | Phase::AbortLand => {
+                self.track(dt_s)
+            }
+            Phase::Touchdown | Phase::Shutdown | Phase::AbortCut => {
+                ActuatorCommand { discrete: Discrete { igniter: false, ..Discrete::FLIGHT }, ..armed }
+            }
+        }
+    }
+
+    /// Reference, tracking control, allocation.
+    fn track(&mut self, dt_s: f64) -> ActuatorCommand {
+        let phase = self.sequence.phase();
+        let weight_n = self.propellant.mass_kg * self.parameters.navigation.gravity_m_s2;
+        let actuators = &self.parameters.actuators;
+        // The climb begins once the ramp carries the weight; until then the reference stands on the pad.
+        let ceiling_n = if self.integrate.airborne {
+            actuators.thrust_max_n
+        } else {
+            actuators.thrust_min_n + LIFT_RAMP_N_S * self.sequence.time_in_phase_s()
+        };
+        if ceiling_n >= weight_n {
+            self.guidance.advance(self.navigation.point(Vec3::zeros()).0, dt_s);
+        }
+        self.integrate.airborne |= phase != Phase::Ascent || self.height_m() > AIRBORNE_HEIGHT_M;
+
+        let predicted = match self.parameters.mission.control {
+            ControlLaw::Predictive if self.integrate.airborne => self.predictive(dt_s),
+            _ => None,
+        };
+        let control = predicted.unwrap_or_else(|| self.cascaded(ceiling_n, dt_s));
+        let actuators = &self.parameters.actuators;
+        let thrust_n =
+            (control.thrust_n / self.propellant.trim).clamp(actuators.thrust_min_n, actuators.thrust_max_n);
+        let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
+        let roll = control.roll_torque_n_m / actuators.rcs_torque_n_m.max(1e-6);
+        ActuatorCommand {
+            armed: true,
+            throttle: self.throttle(if thrust_n.is_finite() { thrust_n } else { weight_n }),
+            gimbal_x_rad: finite(control.gimbal_rad[0]),
+            gimbal_y_rad: finite(control.gimbal_rad[1]),
+            rcs_roll: finite(if roll.abs() < actuators.rcs_dead_band { 0.0 } else { roll.clamp(-1.0, 1.0) }),
+            discrete: Discrete::FLIGHT,
+        }
+    }
+
+    /// Predictive tracking; `None` when its ladder has ended.
+    fn predictive(&mut self, dt_s: f64) -> Option<Control> {
+        let (airframe, seen) = (self.airframe(), self.seen());
+        let actuators = &self.parameters.actuators;
+        let trim = self.propellant.trim;
+        let situation = Situation {
+            seen: &seen,
+            observer: &self.observer,
+            airframe: &airframe,
+            com_z_m: self.mass_properties().com_body_m.z,
+            gravity_m_s2: self.parameters.navigation.gravity_m_s2,
+            thrust_n: [actuators.thrust_min_n * trim, actuators.thrust_max_n * trim],
+            previous: self.control_in_force(),
+        };
+        let control =
+            self.tracker.step(&self.parameters.tracking, &situation, |s| self.guidance.ahead(s), dt_s);
+        if let Some(control) = control {
+            // The cascade stands by with what the observers know.
+            self.controller = self.cascade_from_observer();
+            self.allocation = Allocation::resume(control.gimbal_rad[0], control.gimbal_rad[1]);
+        }
+        control
+    }
+
+    /// The cascade's integrators from what the observers know.
+    pub(super) fn cascade_from_observer(&self) -> Controller {
+        let thrust_n = self.propellant.thrust_n();
+        let force = self.observer.force_ned_m_s2;
+        Controller::resume(self.observer.thrust_offset_m.map(|offset| -offset * thrust_n), [-force.x, -force.y])
+    }
+
+    /// Cascaded tracking control and allocation.
+    fn cascaded(&mut self, ceiling_n: f64, dt_s: f64) -> Control {
+        let mass = self.mass_properties();
+        let seen = self.seen();
+        let motion = Motion {
+            position_ned_m: seen.position_ned_m,
+            velocity_ned_m_s: seen.velocity_ned_m_s,
+            q_ned_from_body: seen.q_ned_from_body,
+            rate_body_rad_s: seen.rate_body_rad_s,
+        };
+        let actuators = &self.parameters.actuators;
+        let limits = Limits {
+            tilt_rad: self.parameters.mission.tilt_limit_rad,
+            thrust_min_n: actuators.thrust_min_n,
+            thrust_max_n: actuators.thrust_max_n,
+            gravity_m_s2: self.parameters.navigation.gravity_m_s2,
+        };
+        let demand = self.controller.step(
+            &self.parameters.gains,
+            &limits,
+            &self.guidance.reference(),
+            &motion,
+            &mass,
+            self.integrate,
+            dt_s,
+        );
+        let allocated = self.allocation.step(
+            actuators,
+            demand.torque_body_n_m,
+            seen.thrust_n,
+            -mass.com_body_m.z,
+            dt_s,
+        );
+        self.integrate.saturated = allocated.saturated;
+        Control {
+            thrust_n: demand.thrust_n.min(ceiling_n),
+            gimbal_rad: [allocated.gimbal_x_rad, allocated.gimbal_y_rad],
+            roll_torque_n_m: allocated.rcs_roll * actuators.rcs_torque_n_m,
+        }
+    }
+
+    fn throttle(&self, thrust_n: f64) -> Throttle {
+        self.parameters.actuators.throttle(
+            &self.parameters.thrust_map,
+            thrust_n,
+            self.propellant.port_radius_m,
+        )
+    }
+
+}
