@@ -1,0 +1,449 @@
+//! Interior-point method that keeps the stages of the program: a few microseconds a stage.
+//!
+//! Primal-dual with Mehrotra's predictor and corrector. Inequalities are a z + t = b with slack t > 0 and
+//! multiplier λ > 0; Newton's step of their products leaves a program without inequalities whose weights carry
+//! λ/t, and that is a Riccati recursion ([`super::riccati`]), factorised once an iteration and swept
+//! twice. The states follow the inputs exactly at every iterate, so that dynamics leave no residual. The
+//! slack of a tilt limit is eliminated in closed form before the recursion.
+//!
+//! Sources: S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM J. Optim. 2(4),
+//! 1992; C. Rao, S. Wright, J. Rawlings, Application of interior-point methods to model predictive
+//! control, JOTA 99(3), 1998; starting point and step rules after G. Frison and M. Diehl, HPIPM, IFAC 2020.
+
+use super::problem::{INPUTS, InputLimits, MAX_STAGES, Problem, STATES, Solution, Status, TILT};
+use super::riccati::{Columns, Policy, Row, Slope, StageCost, Value, input_gradient};
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Greatest number of iterations.
+    pub iterations: usize,
+    /// Allowed violation of constraints, gradient of the Lagrangian, and slack times multiplier.
+    pub tolerance: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { iterations: 15, tolerance: 1e-6 }
+    }
+}
+
+/// Inequalities of one stage: limits of its input and of its change, tilt limits of the state it leads to.
+const PAIRS: usize = 4 * INPUTS + 6;
+// Where each kind begins.
+const INPUT_LOW: usize = 0;
+const INPUT_HIGH: usize = INPUTS;
+const CHANGE_LOW: usize = 2 * INPUTS;
+const CHANGE_HIGH: usize = 3 * INPUTS;
+const TILT_HIGH: usize = 4 * INPUTS;
+const TILT_LOW: usize = TILT_HIGH + 2;
+const SLACK: usize = TILT_LOW + 2;
+/// Weight of the products at the start, and least slack there.
+const START_PRODUCT: f64 = 10.0;
+const START_SLACK: f64 = 0.1;
+/// Share of the step to the boundary.
+const SHARE: f64 = 0.995;
+
+type Pairs = [f64; PAIRS];
+
+/// A point, or a step from one, at one stage: its input, the state it leads to, the slack of that state.
+#[derive(Clone, Debug)]
+struct Point {
+    input: [f64; INPUTS],
+    state: Row,
+    slack: [f64; 2],
+}
+
+impl Default for Point {
+    fn default() -> Self {
+        Self { input: [0.0; INPUTS], state: Row::default(), slack: [0.0; 2] }
+    }
+}
+
+/// One stage of the iteration.
+#[derive(Clone, Debug)]
+struct Work {
+    columns: Columns,
+    policy: Policy,
+    at: Point,
+    step: Point,
+    /// Gradient of the costs at the iterate: state at the beginning, input, change.
+    gradient: StageCost,
+    /// Weights of the factorised program.
+    weight: StageCost,
+    bound: Pairs,
+    slack: Pairs,
+    multiplier: Pairs,
+    residual: Pairs,
+    reciprocal: Pairs,
+    target: Pairs,
+    slack_step: Pairs,
+    multiplier_step: Pairs,
+}
+
+impl Default for Work {
+    fn default() -> Self {
+        Self {
+            columns: Columns::default(),
+            policy: Policy::default(),
+            at: Point::default(),
+            step: Point::default(),
+            gradient: StageCost::default(),
+            weight: StageCost::default(),
+            bound: [0.0; PAIRS],
+            slack: [0.0; PAIRS],
+            multiplier: [0.0; PAIRS],
+            residual: [0.0; PAIRS],
+            reciprocal: [0.0; PAIRS],
+            target: [0.0; PAIRS],
+            slack_step: [0.0; PAIRS],
+            multiplier_step: [0.0; PAIRS],
+        }
+    }
+}
+
+/// Memory of a solve (about 200 kB), allocated once. Nothing in it outlives a solve.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    work: Vec<Work>,
+    limits: InputLimits,
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Self { work: vec![Work::default(); MAX_STAGES], limits: InputLimits::default() }
+    }
+}
+
+/// Where the iteration stands.
+#[derive(Clone, Copy, Debug)]
+struct Residuals {
+    primal: f64,
+    dual: f64,
+    gap: f64,
+    /// Mean of slack times multiplier.
+    mean: f64,
+}
+
+/// Solves a program from a cold start; the answer depends on nothing but the arguments.
+pub fn solve(
+    problem: &Problem,
+    settings: &Settings,
+    workspace: &mut Workspace,
+    solution: &mut Solution,
+) -> Status {
+    *solution = Solution::default();
+    if !problem.is_sound() {
+        return Status::NumericalFailure;
+    }
+    problem.consistent_limits(&mut workspace.limits);
+    let limits = &workspace.limits;
+    let work = &mut workspace.work[..problem.length];
+    start(problem, limits, work);
+    let status = loop {
+        let now = residuals(problem, limits, work);
+        (solution.primal_residual, solution.dual_residual, solution.gap) = (now.primal, now.dual, now.gap);
+        let worst = now.primal.max(now.dual).max(now.gap);
+        if !worst.is_finite() {
+            return Status::NumericalFailure;
+        }
+        // The second condition gives a feedback even to a program solved at its starting point.
+        if worst <= settings.tolerance && solution.iterations > 0 {
+            break Status::Solved;
+        }
+        if solution.iterations == settings.iterations {
+            break Status::IterationLimit;
+        }
+        solution.iterations += 1;
+        if iterate(problem, work, now.mean).is_none() {
+            return Status::NumericalFailure;
+        }
+    };
+    answer(problem, limits, work, solution);
+    let finite = |x: &[f64]| x.iter().all(|x| x.is_finite());
+    if finite(solution.inputs.as_flattened()) && finite(solution.states.as_flattened()) {
+        solution.status = status;
+    }
+    solution.status
+}
+
+/// A point inside the limits, every product of slack and multiplier alike.
+fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
+    let mut input = limits.previous_input;
+    let mut state = Row::default();
+    state[..STATES].copy_from_slice(&problem.initial_state);
+    for (k, w) in work.iter_mut().enumerate() {
+        let stage = &problem.stages[k];
+        w.columns.fill(&stage.model);
+        let tilt = problem.tilt_after(k);
+        for j in 0..INPUTS {
+            let margin = START_SLACK.min(0.25 * (limits.max[k][j] - limits.min[k][j]));
+            input[j] = input[j].clamp(limits.min[k][j] + margin, limits.max[k][j] - margin);
+            w.bound[INPUT_LOW + j] = -limits.min[k][j];
+            w.bound[INPUT_HIGH + j] = limits.max[k][j];
+            w.bound[CHANGE_LOW + j] = limits.change[k][j];
+            w.bound[CHANGE_HIGH + j] = limits.change[k][j];
+        }
+        state = w.columns.step(&state, &input);
+        for i in 0..STATES {
+            state[i] += stage.offset[i];
+        }
+        w.at = Point { input, state, slack: [0.0; 2] };
+        for i in 0..2 {
+            let x = state[TILT[i]];
+            w.bound[TILT_HIGH + i] = tilt.max[i];
+            w.bound[TILT_LOW + i] = -tilt.min[i];
+            w.at.slack[i] = (x - tilt.max[i]).max(tilt.min[i] - x).max(0.0) + START_SLACK;
+        }
+    }
+    let mut previous = limits.previous_input;
+    for w in work {
+        let left = rows(&w.at, &previous);
+        for i in 0..PAIRS {
+            w.slack[i] = (w.bound[i] - left[i]).max(START_SLACK);
+            w.multiplier[i] = START_PRODUCT / w.slack[i];
+        }
+        previous = w.at.input;
+    }
+}
+
+/// Left sides a z of the inequalities.
+#[inline(always)]
+fn rows(point: &Point, previous: &[f64; INPUTS]) -> Pairs {
+    let mut left = [0.0; PAIRS];
+    for j in 0..INPUTS {
+        let change = point.input[j] - previous[j];
+        left[INPUT_LOW + j] = -point.input[j];
+        left[INPUT_HIGH + j] = point.input[j];
+        left[CHANGE_LOW + j] = -change;
+        left[CHANGE_HIGH + j] = change;
+    }
+    for i in 0..2 {
+        let x = point.state[TILT[i]];
+        left[TILT_HIGH + i] = x - point.slack[i];
+        left[TILT_LOW + i] = -x - point.slack[i];
+        left[SLACK + i] = -point.slack[i];
+    }
+    left
+}
+
+/// Adds aᵀ m to the linear terms of input and change.
+#[inline(always)]
+fn add_multipliers(linear: &mut StageCost, m: &Pairs) {
+    for j in 0..INPUTS {
+        linear.input[j] += m[INPUT_HIGH + j] - m[INPUT_LOW + j];
+        linear.change[j] += m[CHANGE_HIGH + j] - m[CHANGE_LOW + j];
+    }
+}
+
+/// Gradients and residuals at the iterate.
+fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Residuals {
+    let (mut primal, mut dual, mut gap, mut sum) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0);
+    let mut previous = limits.previous_input;
+    for (k, w) in work.iter_mut().enumerate() {
+        let stage = &problem.stages[k];
+        let left = rows(&w.at, &previous);
+        for i in 0..PAIRS {
+            w.residual[i] = left[i] + w.slack[i] - w.bound[i];
+            w.reciprocal[i] = 1.0 / w.slack[i];
+            let product = w.slack[i] * w.multiplier[i];
+            sum += product;
+            gap = gap.max(product);
+            primal = primal.max(w.residual[i].abs());
+        }
+        for j in 0..INPUTS {
+            w.gradient.input[j] = stage.input_weight[j] * (w.at.input[j] - stage.input_reference[j]);
+            w.gradient.change[j] = stage.change_weight[j] * (w.at.input[j] - previous[j]);
+        }
+        for i in 0..2 {
+            let lambda = &w.multiplier;
+            let gradient = problem.tilt_linear_cost + problem.tilt_quadratic_cost * w.at.slack[i]
+                - (lambda[TILT_HIGH + i] + lambda[TILT_LOW + i] + lambda[SLACK + i]);
+            dual = dual.max(gradient.abs());
+        }
+        previous = w.at.input;
+    }
+    for k in 1..work.len() {
+        let stage = &problem.stages[k];
+        for i in 0..STATES {
+            work[k].gradient.state[i] =
+                stage.state_weight[i] * (work[k - 1].at.state[i] - stage.state_reference[i]);
+        }
+    }
+
+    let mut costate = terminal_slope(problem, work);
+    for w in work.iter().rev() {
+        for i in 0..2 {
+            costate.state[TILT[i]] += w.multiplier[TILT_HIGH + i] - w.multiplier[TILT_LOW + i];
+        }
+        let mut linear = w.gradient;
+        add_multipliers(&mut linear, &w.multiplier);
+        for g in input_gradient(&w.columns, &mut costate, &linear) {
+            dual = dual.max(g.abs());
+        }
+    }
+    // Maxima pass over what is not a number; the sum does not.
+    let mean = sum / (PAIRS * work.len()) as f64;
+    Residuals { primal, dual: if mean.is_finite() { dual } else { mean }, gap, mean }
+}
+
+/// Gradient of the terminal cost.
+fn terminal_slope(problem: &Problem, work: &[Work]) -> Slope {
+    let last = &work[work.len() - 1].at;
+    let x = std::array::from_fn(|i| last.state[i] - problem.terminal_state_reference[i]);
+    let u = std::array::from_fn(|j| last.input[j] - problem.terminal_input_reference[j]);
+    let (state, input) = problem.terminal.gradient(&x, &u);
+    let mut slope = Slope { state: Row::default(), input };
+    slope.state[..STATES].copy_from_slice(&state);
+    slope
+}
+
+/// One step of Mehrotra's method.
+fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
+    factorise(problem, work)?;
+    for w in work.iter_mut() {
+        w.target = [0.0; PAIRS];
+    }
+    let terminal = terminal_slope(problem, work);
+    direction(problem, work, terminal);
+    let (primal, dual) = lengths(work);
+    let mut after = 0.0;
+    for w in work.iter() {
+        for i in 0..PAIRS {
+            after +=
+                (w.slack[i] + primal * w.slack_step[i]) * (w.multiplier[i] + dual * w.multiplier_step[i]);
+        }
+    }
+    let ratio = after / (mean * (PAIRS * work.len()) as f64);
+    let target = ratio * ratio * ratio * mean;
+    for w in work.iter_mut() {
+        for i in 0..PAIRS {
+            w.target[i] = target - w.slack_step[i] * w.multiplier_step[i];
+        }
+    }
+    direction(problem, work, terminal);
+    let (primal, dual) = lengths(work);
+    let both = (SHARE * primal).min(SHARE * dual).min(1.0);
+    let (primal, dual) = (both, both);
+    for w in work.iter_mut() {
+        for i in 0..PAIRS {
+            w.slack[i] += primal * w.slack_step[i];
+            w.multiplier[i] += dual * w.multiplier_step[i];
+        }
+        for j in 0..INPUTS {
+            w.at.input[j] += primal * w.step.input[j];
+        }
+        for i in 0..STATES {
+            w.at.state[i] += primal * w.step.state[i];
+        }
+        for i in 0..2 {
+            w.at.slack[i] += primal * w.step.slack[i];
+        }
+    }
+    Some(())
+}
+
+/// Weights of the two limits and the slack of a tilt: curvature left for the state, coupling to the slack, curvature
+/// of the slack.
+#[inline(always)]
+fn tilt_weights(problem: &Problem, w: &Work, i: usize) -> (f64, f64, f64) {
+    let weight = |at: usize| w.multiplier[at + i] * w.reciprocal[at + i];
+    let (high, low) = (weight(TILT_HIGH), weight(TILT_LOW));
+    let rest = problem.tilt_quadratic_cost + weight(SLACK);
+    let slack = high + low + rest;
+    ((4.0 * high * low + (high + low) * rest) / slack, low - high, slack)
+}
+
+/// Riccati recursion with the weights of this iterate.
+fn factorise(problem: &Problem, work: &mut [Work]) -> Option<()> {
+    let mut value = Value::default();
+    for k in (0..work.len()).rev() {
+        // The state that this stage leads to: cost of the next stage, and its tilt limits.
+        let mut tilt = [0.0; STATES];
+        for i in 0..2 {
+            tilt[TILT[i]] = tilt_weights(problem, &work[k], i).0;
+        }
+        if k + 1 == work.len() {
+            value = Value::terminal(&problem.terminal, &tilt);
+        } else {
+            let next = &mut work[k + 1];
+            next.weight.state = problem.stages[k + 1].state_weight;
+            for i in TILT {
+                next.weight.state[i] += tilt[i];
+            }
+            next.policy.value_before(&next.columns, &mut value, &next.weight);
+        }
+        let (w, stage) = (&mut work[k], &problem.stages[k]);
+        for j in 0..INPUTS {
+            let weight = |at: usize| w.multiplier[at + j] * w.reciprocal[at + j];
+            w.weight.input[j] = stage.input_weight[j] + weight(INPUT_LOW) + weight(INPUT_HIGH);
+            w.weight.change[j] = stage.change_weight[j] + weight(CHANGE_LOW) + weight(CHANGE_HIGH);
+        }
+        w.policy.factorise(&w.columns, &value, &w.weight)?;
+    }
+    Some(())
+}
+
+/// Newton's step towards the targets of the products.
+fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) {
+    let mut slope = terminal;
+    for w in work.iter_mut().rev() {
+        // Multipliers that the step would leave, were z to stay.
+        let mut m = [0.0; PAIRS];
+        for i in 0..PAIRS {
+            m[i] = (w.multiplier[i] * w.residual[i] + w.target[i]) * w.reciprocal[i];
+        }
+        for i in 0..2 {
+            let (_, coupling, curvature) = tilt_weights(problem, w, i);
+            let slack = problem.tilt_linear_cost + problem.tilt_quadratic_cost * w.at.slack[i]
+                - (m[TILT_HIGH + i] + m[TILT_LOW + i] + m[SLACK + i]);
+            slope.state[TILT[i]] += m[TILT_HIGH + i] - m[TILT_LOW + i] - coupling * slack / curvature;
+            w.step.slack[i] = -slack / curvature;
+        }
+        let mut linear = w.gradient;
+        add_multipliers(&mut linear, &m);
+        w.policy.slope_before(&w.columns, &mut slope, &linear, &w.weight.change);
+    }
+
+    let mut state = Row::default();
+    let mut previous = [0.0; INPUTS];
+    for w in work {
+        let input = w.policy.input(&state, &previous);
+        state = w.columns.step(&state, &input);
+        w.step.input = input;
+        w.step.state = state;
+        for i in 0..2 {
+            let (_, coupling, curvature) = tilt_weights(problem, w, i);
+            w.step.slack[i] -= coupling * state[TILT[i]] / curvature;
+        }
+        let left = rows(&w.step, &previous);
+        for i in 0..PAIRS {
+            w.slack_step[i] = -w.residual[i] - left[i];
+            w.multiplier_step[i] =
+                (w.target[i] - w.multiplier[i] * w.slack_step[i]) * w.reciprocal[i] - w.multiplier[i];
+        }
+        previous = input;
+    }
+}
+
+/// Longest steps up to 1 / [`SHARE`] that keep slacks and multipliers from falling below zero.
+fn lengths(work: &[Work]) -> (f64, f64) {
+    let (mut primal, mut dual) = (SHARE, SHARE);
+    for w in work {
+        for i in 0..PAIRS {
+            primal = primal.max(-w.slack_step[i] * w.reciprocal[i]);
+            dual = dual.max(-w.multiplier_step[i] / w.multiplier[i]);
+        }
+    }
+    (1.0 / primal, 1.0 / dual)
+}
+
+/// The answer from the last iterate: inputs on the inside of their limits, states that follow from them.
+fn answer(problem: &Problem, limits: &InputLimits, work: &[Work], solution: &mut Solution) {
+    for (input, w) in solution.inputs.iter_mut().zip(work) {
+        *input = w.at.input;
+    }
+    limits.enforce(problem.length, &mut solution.inputs);
+    problem.roll_out(&solution.inputs, &mut solution.states);
+    solution.feedback = work[0].policy.state_feedback();
+}

@@ -1,0 +1,20 @@
+//! Predictive control as a quadratic program: its statement, our own solver, and an independent one.
+//!
+//! ```text
+//! Problem → interior_point::solve → Solution      in flight: fixed size, no allocation, few microseconds a stage
+//!         → oracle::solve         → Solution      general sparse solver: the proof in tests, the fallback in flight
+//! ```
+//!
+//! A program has up to [`MAX_STAGES`] stages of a time-varying affine model with [`STATES`] states and
+//! [`INPUTS`] inputs, quadratic costs on state, input and change of input, limits on input and its change,
+//! and soft limits on two states that stand for tilt. What state and input mean is the caller's; so is
+//! the scaling, which should bring every number that matters near one.
+
+pub mod interior_point;
+pub mod oracle;
+pub mod problem;
+pub mod riccati;
+
+pub use interior_point::{Settings, Workspace};
+pub use problem::{CostToGo, INPUTS, MAX_STAGES, Problem, STATES, Solution, Stage, Status, TILT, Tilt};
+pub use riccati::{InfiniteHorizon, Linear, StageCost, dare};

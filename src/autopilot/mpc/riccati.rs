@@ -1,0 +1,439 @@
+//! Linear quadratic control with a cost on the change of the input, stage by stage from the end.
+//!
+//! The state of the recursion is [x; v], v being the input of the stage before. With the value
+//! ½ [x; v]ᵀ P [x; v] of the stage after,
+//!
+//! ```text
+//! F = Aᵀ P_xx A,   G = (P_xx B + P_xv)ᵀ A,   M = R + Bᵀ P_xx B + Bᵀ P_xv + P_vx B + P_vv
+//! u = (M + S)⁻¹ (S v - G x)
+//! P_xx ← Q + F - Gᵀ (M + S)⁻¹ G,   P_xv ← Gᵀ (M + S)⁻¹ S,   P_vv ← S (M + S)⁻¹ M
+//! ```
+//!
+//! S and R are diagonal and may be large where a limit holds (they carry the weights of an interior-point
+//! method); P_vv, the parallel sum of S and M, is written as a product for that reason: no difference of
+//! large numbers. A and B of a flight vehicle are mostly zeros; products run over the others only,
+//! and each is a row operation of fixed length. Source of the recursion: B. D. O. Anderson and J. B. Moore,
+//! Optimal Control: Linear Quadratic Methods, 1990, section 2.4, with the state augmented as above.
+
+use super::problem::{CostToGo, INPUTS, STATES};
+
+/// A row over the states, filled up to an even number.
+pub type Row = [f64; STATES + 1];
+/// Columns of [A B].
+const COLUMNS: usize = STATES + INPUTS;
+
+/// A linear model from one stage to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Linear {
+    /// On the state, by rows.
+    pub a: [[f64; STATES]; STATES],
+    /// On the input, by rows.
+    pub b: [[f64; INPUTS]; STATES],
+}
+
+impl Linear {
+    /// A x + B u.
+    pub fn step(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> [f64; STATES] {
+        std::array::from_fn(|i| {
+            let free: f64 = self.a[i].iter().zip(x).map(|(a, x)| a * x).sum();
+            free + self.b[i].iter().zip(u).map(|(b, u)| b * u).sum::<f64>()
+        })
+    }
+}
+
+/// Diagonal weights of one stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageCost {
+    /// Q.
+    pub state: [f64; STATES],
+    /// R.
+    pub input: [f64; INPUTS],
+    /// S.
+    pub change: [f64; INPUTS],
+}
+
+/// Optimal control of a constant model without limits over an infinite horizon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InfiniteHorizon {
+    /// Cost to go: solution of the discrete algebraic Riccati equation.
+    pub cost: CostToGo,
+    /// u = `feedback` x + `memory` v.
+    pub feedback: [[f64; STATES]; INPUTS],
+    /// On the input of the stage before; zero where changes cost nothing.
+    pub memory: [[f64; INPUTS]; INPUTS],
+}
+
+/// Solves the discrete algebraic Riccati equation by running the recursion until it stands still (relative
+/// change 1e-14); `None` when it does not, as with a mode that no input reaches.
+pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
+    let mut model_columns = Columns::default();
+    model_columns.fill(model);
+    let mut value = Value::default();
+    let mut policy = Policy::default();
+    for _ in 0..100_000 {
+        let before = value.trace();
+        policy.factorise(&model_columns, &value, cost)?;
+        policy.value_before(&model_columns, &mut value, cost);
+        let change = (value.trace() - before).abs();
+        if !change.is_finite() {
+            return None;
+        }
+        if change <= 1e-14 * before.abs() {
+            return Some(InfiniteHorizon {
+                cost: value.cost_to_go(),
+                feedback: policy.state_feedback(),
+                memory: policy.change,
+            });
+        }
+    }
+    None
+}
+
+/// The entries of [A B] that are not zero, column by column.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    begin: [u8; COLUMNS + 1],
+    row: [u8; COLUMNS * STATES],
+    entry: [f64; COLUMNS * STATES],
+}
+
+impl Default for Columns {
+    fn default() -> Self {
+        Self { begin: [0; COLUMNS + 1], row: [0; COLUMNS * STATES], entry: [0.0; COLUMNS * STATES] }
+    }
+}
+
+impl Columns {
+    /// Takes a model over.
+    pub fn fill(&mut self, model: &Linear) {
+        let mut count = 0;
+        for column in 0..COLUMNS {
+            self.begin[column] = count as u8;
+            for row in 0..STATES {
+                let entry =
+                    if column < STATES { model.a[row][column] } else { model.b[row][column - STATES] };
+                if entry != 0.0 {
+                    self.row[count] = row as u8;
+                    self.entry[count] = entry;
+                    count += 1;
+                }
+            }
+        }
+        self.begin[COLUMNS] = count as u8;
+    }
+
+    #[inline(always)]
+    fn column(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
+        let range = self.begin[column] as usize..self.begin[column + 1] as usize;
+        // The minimum tells the compiler that a row is in range.
+        self.row[range.clone()]
+            .iter()
+            .zip(&self.entry[range])
+            .map(|(&r, &e)| ((r as usize).min(STATES - 1), e))
+    }
+
+    /// A x + B u.
+    #[inline(always)]
+    pub fn step(&self, x: &Row, u: &[f64; INPUTS]) -> Row {
+        let mut next = Row::default();
+        for (j, &factor) in x[..STATES].iter().chain(u).enumerate() {
+            for (i, entry) in self.column(j) {
+                next[i] += entry * factor;
+            }
+        }
+        next
+    }
+
+    /// Aᵀ p.
+    #[inline(always)]
+    fn transposed_state(&self, p: &Row) -> Row {
+        let mut out = Row::default();
+        for (j, out) in out[..STATES].iter_mut().enumerate() {
+            *out = self.column(j).map(|(i, entry)| entry * p[i]).sum();
+        }
+        out
+    }
+
+    /// Bᵀ p.
+    #[inline(always)]
+    fn transposed_input(&self, p: &Row) -> [f64; INPUTS] {
+        std::array::from_fn(|j| self.column(STATES + j).map(|(i, entry)| entry * p[i]).sum())
+    }
+}
+
+/// Half this quadratic form in [x; v] is the cost from a stage on.
+#[derive(Clone, Debug, Default)]
+pub struct Value {
+    state: [Row; STATES],
+    cross: [[f64; INPUTS]; STATES],
+    input: [[f64; INPUTS]; INPUTS],
+}
+
+impl Value {
+    /// The value after the last stage: the terminal cost, and more on the diagonal of the state.
+    pub fn terminal(cost: &CostToGo, more: &[f64; STATES]) -> Self {
+        let mut value = Self { state: [Row::default(); STATES], cross: cost.cross, input: cost.input };
+        for i in 0..STATES {
+            value.state[i][..STATES].copy_from_slice(&cost.state[i]);
+            value.state[i][i] += more[i];
+        }
+        value
+    }
+
+    fn cost_to_go(&self) -> CostToGo {
+        let state = std::array::from_fn(|i| std::array::from_fn(|j| self.state[i][j]));
+        CostToGo { state, cross: self.cross, input: self.input }
+    }
+
+    fn trace(&self) -> f64 {
+        (0..STATES).map(|i| self.state[i][i]).sum::<f64>()
+            + (0..INPUTS).map(|j| self.input[j][j]).sum::<f64>()
+    }
+}
+
+/// Gradient of a value at [x; v] = 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Slope {
+    /// In the state.
+    pub state: Row,
+    /// In the input of the stage before.
+    pub input: [f64; INPUTS],
+}
+
+/// What the recursion keeps of one stage: u = `feed_forward` - `state` x + `change` v.
+#[derive(Clone, Debug, Default)]
+pub struct Policy {
+    /// Lower triangle L of M + S = L Lᵀ, with reciprocals on the diagonal.
+    root: [[f64; INPUTS]; INPUTS],
+    /// L⁻¹ G.
+    half: [Row; INPUTS],
+    /// (M + S)⁻¹ G.
+    state: [Row; INPUTS],
+    /// (M + S)⁻¹ S.
+    change: [[f64; INPUTS]; INPUTS],
+    /// M.
+    curvature: [[f64; INPUTS]; INPUTS],
+    feed_forward: [f64; INPUTS],
+}
+
+impl Policy {
+    /// Best answer of one stage to a state, given the value after it. `None`: M + S is not positive definite.
+    #[inline]
+    pub fn factorise(&mut self, model: &Columns, after: &Value, cost: &StageCost) -> Option<()> {
+        // P_xx B + P_xv, by columns.
+        let mut y = [Row::default(); INPUTS];
+        for (c, y) in y.iter_mut().enumerate() {
+            for (i, b) in model.column(STATES + c) {
+                add(y, b, &after.state[i]);
+            }
+        }
+        let mut by_state = [[0.0; INPUTS]; STATES];
+        for (i, row) in by_state.iter_mut().enumerate() {
+            for c in 0..INPUTS {
+                row[c] = y[c][i] + after.cross[i][c];
+            }
+        }
+        let mut m = after.input;
+        for c in 0..INPUTS {
+            m[c][c] += cost.input[c];
+            let mut column = [0.0; INPUTS];
+            for (i, b) in model.column(STATES + c) {
+                for d in 0..INPUTS {
+                    column[d] += b * by_state[i][d];
+                    m[d][c] += b * after.cross[i][d];
+                }
+            }
+            for d in 0..INPUTS {
+                m[c][d] += column[d];
+            }
+        }
+        self.curvature = m;
+        self.root = cholesky(&m, &cost.change)?;
+        for j in 0..STATES {
+            let mut g = [0.0; INPUTS];
+            for (i, a) in model.column(j) {
+                for c in 0..INPUTS {
+                    g[c] += a * by_state[i][c];
+                }
+            }
+            for c in 0..INPUTS {
+                self.half[c][j] = g[c];
+            }
+        }
+        forward(&self.root, &mut self.half);
+        self.state = self.half;
+        backward(&self.root, &mut self.state);
+        self.change = [[0.0; INPUTS]; INPUTS];
+        for c in 0..INPUTS {
+            self.change[c][c] = cost.change[c];
+        }
+        forward(&self.root, &mut self.change);
+        backward(&self.root, &mut self.change);
+        Some(())
+    }
+
+    /// Carries the value from after the stage to before it, once the stage is factorised.
+    #[inline]
+    pub fn value_before(&self, model: &Columns, value: &mut Value, cost: &StageCost) {
+        let mut w = [Row::default(); STATES];
+        for (j, w) in w.iter_mut().enumerate() {
+            for (i, a) in model.column(j) {
+                add(w, a, &value.state[i]);
+            }
+        }
+        let mut turned = [Row::default(); STATES];
+        for i in 0..STATES {
+            for j in 0..STATES {
+                turned[i][j] = w[j][i];
+            }
+        }
+        for j in 0..STATES {
+            let mut f = Row::default();
+            for (i, a) in model.column(j) {
+                add(&mut f, a, &turned[i]);
+            }
+            for half in &self.half {
+                add(&mut f, -half[j], half);
+            }
+            f[j] += cost.state[j];
+            value.state[j] = f;
+            for c in 0..INPUTS {
+                value.cross[j][c] = self.state[c][j] * cost.change[c];
+            }
+        }
+        let mut share = self.curvature;
+        forward(&self.root, &mut share);
+        backward(&self.root, &mut share);
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                value.input[c][d] = 0.5 * (cost.change[c] * share[c][d] + cost.change[d] * share[d][c]);
+            }
+        }
+    }
+
+    /// Carries the slope from after the stage to before it. Costs: linear terms in state, input and change.
+    #[inline]
+    pub fn slope_before(
+        &mut self,
+        model: &Columns,
+        slope: &mut Slope,
+        linear: &StageCost,
+        change_weight: &[f64; INPUTS],
+    ) {
+        let mut h = model.transposed_input(&slope.state);
+        for c in 0..INPUTS {
+            h[c] += linear.input[c] + linear.change[c] + slope.input[c];
+        }
+        let mut before = model.transposed_state(&slope.state);
+        for c in 0..INPUTS {
+            add(&mut before, -h[c], &self.state[c]);
+        }
+        for i in 0..STATES {
+            before[i] += linear.state[i];
+        }
+        slope.state = before;
+        let mut d = h.map(|h| [-h]);
+        forward(&self.root, &mut d);
+        backward(&self.root, &mut d);
+        for c in 0..INPUTS {
+            self.feed_forward[c] = d[c][0];
+            slope.input[c] = -linear.change[c] - change_weight[c] * d[c][0];
+        }
+    }
+
+    /// The input of the stage.
+    #[inline]
+    pub fn input(&self, x: &Row, v: &[f64; INPUTS]) -> [f64; INPUTS] {
+        std::array::from_fn(|c| {
+            let change: f64 = self.change[c].iter().zip(v).map(|(k, v)| k * v).sum();
+            self.feed_forward[c] + change - sum_of_products(&self.state[c], x)
+        })
+    }
+
+    /// du/dx.
+    pub fn state_feedback(&self) -> [[f64; STATES]; INPUTS] {
+        std::array::from_fn(|c| std::array::from_fn(|i| -self.state[c][i]))
+    }
+}
+
+/// Gradient of the cost in one input, the states and inputs after it taken as they are; carries the costate.
+#[inline]
+pub fn input_gradient(model: &Columns, costate: &mut Slope, linear: &StageCost) -> [f64; INPUTS] {
+    let through = model.transposed_input(&costate.state);
+    let gradient =
+        std::array::from_fn(|c| through[c] + linear.input[c] + linear.change[c] + costate.input[c]);
+    let mut before = model.transposed_state(&costate.state);
+    for i in 0..STATES {
+        before[i] += linear.state[i];
+    }
+    costate.state = before;
+    costate.input = linear.change.map(|x| -x);
+    gradient
+}
+
+#[inline(always)]
+fn add<const N: usize>(to: &mut [f64; N], factor: f64, row: &[f64; N]) {
+    for (to, x) in to.iter_mut().zip(row) {
+        *to += factor * x;
+    }
+}
+
+/// Two sums side by side, so that they run in one register.
+#[inline(always)]
+fn sum_of_products(a: &Row, b: &Row) -> f64 {
+    let (mut even, mut odd) = (0.0, 0.0);
+    for i in 0..a.len() / 2 {
+        even += a[2 * i] * b[2 * i];
+        odd += a[2 * i + 1] * b[2 * i + 1];
+    }
+    even + odd
+}
+
+/// Lower triangle with reciprocals on its diagonal, of a symmetric matrix with more on its diagonal.
+#[inline(always)]
+fn cholesky(matrix: &[[f64; INPUTS]; INPUTS], more: &[f64; INPUTS]) -> Option<[[f64; INPUTS]; INPUTS]> {
+    let mut l = [[0.0; INPUTS]; INPUTS];
+    for j in 0..INPUTS {
+        let mut pivot = matrix[j][j] + more[j];
+        for k in 0..j {
+            pivot -= l[j][k] * l[j][k];
+        }
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
+        }
+        let reciprocal = 1.0 / pivot.sqrt();
+        l[j][j] = reciprocal;
+        for i in j + 1..INPUTS {
+            let mut x = matrix[i][j];
+            for k in 0..j {
+                x -= l[i][k] * l[j][k];
+            }
+            l[i][j] = x * reciprocal;
+        }
+    }
+    Some(l)
+}
+
+/// L⁻¹ times rows.
+#[inline(always)]
+fn forward<const N: usize>(l: &[[f64; INPUTS]; INPUTS], rows: &mut [[f64; N]; INPUTS]) {
+    for i in 0..INPUTS {
+        let mut row = rows[i];
+        for k in 0..i {
+            add(&mut row, -l[i][k], &rows[k]);
+        }
+        rows[i] = row.map(|x| x * l[i][i]);
+    }
+}
+
+/// L⁻ᵀ times rows.
+#[inline(always)]
+fn backward<const N: usize>(l: &[[f64; INPUTS]; INPUTS], rows: &mut [[f64; N]; INPUTS]) {
+    for i in (0..INPUTS).rev() {
+        let mut row = rows[i];
+        for k in i + 1..INPUTS {
+            add(&mut row, -l[k][i], &rows[k]);
+        }
+        rows[i] = row.map(|x| x * l[i][i]);
+    }
+}
