@@ -1,13 +1,13 @@
 //! What the flight controller believes, from filter, engine model and disturbance observer, and what it concludes.
 
 use super::abort::Signs;
+use super::navigation::Standing;
 use super::phase::{Evidence, MassKnowledge};
 use super::propellant::MassPoint;
 use super::tracking::Control;
 use super::tracking::model::Airframe;
 use super::tracking::observer::Seen;
 use super::{Autopilot, Estimate};
-use super::navigation::Standing;
 use crate::frame::{Vec3, tilt_rad};
 use crate::signal::{Measurement, Throttle};
 

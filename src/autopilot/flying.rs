@@ -177,7 +177,10 @@ impl Autopilot {
     pub(super) fn cascade_from_observer(&self) -> Controller {
         let thrust_n = self.propellant.thrust_n();
         let force = self.observer.force_ned_m_s2;
-        Controller::resume(self.observer.thrust_offset_m.map(|offset| -offset * thrust_n), [-force.x, -force.y])
+        Controller::resume(
+            self.observer.thrust_offset_m.map(|offset| -offset * thrust_n),
+            [-force.x, -force.y],
+        )
     }
 
     /// Cascaded tracking control and allocation.
@@ -206,13 +209,8 @@ impl Autopilot {
             self.integrate,
             dt_s,
         );
-        let allocated = self.allocation.step(
-            actuators,
-            demand.torque_body_n_m,
-            seen.thrust_n,
-            -mass.com_body_m.z,
-            dt_s,
-        );
+        let allocated =
+            self.allocation.step(actuators, demand.torque_body_n_m, seen.thrust_n, -mass.com_body_m.z, dt_s);
         self.integrate.saturated = allocated.saturated;
         Control {
             thrust_n: demand.thrust_n.min(ceiling_n),
@@ -228,5 +226,4 @@ impl Autopilot {
             self.propellant.port_radius_m,
         )
     }
-
 }

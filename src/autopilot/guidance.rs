@@ -211,7 +211,9 @@ impl Ramp {
         let over = libm::hypot(aside.x, aside.y) < 1e-3 && libm::hypot(v.x, v.y) < 3e-3;
         let vertical = match phase {
             Phase::Ascent | Phase::Hover => (course.hover_ned_m().z - p.z).abs() < 1e-3 && v.z.abs() < 3e-3,
-            Phase::Descent | Phase::Terminal | Phase::AbortLand => (v.z - course.final_speed_m_s()).abs() < 1e-9,
+            Phase::Descent | Phase::Terminal | Phase::AbortLand => {
+                (v.z - course.final_speed_m_s()).abs() < 1e-9
+            }
             _ => true,
         };
         over && vertical
@@ -286,7 +288,8 @@ mod tests {
             let mean = 0.5 * (b.velocity_ned_m_s.z + a.velocity_ned_m_s.z);
             assert!((moved - mean * STEP_S).abs() < 1e-9);
         }
-        let arrived = (0..).map(|i| 0.01 * f64::from(i)).find(|&t| course.is_at_hover(&climb.after(t))).unwrap();
+        let arrived =
+            (0..).map(|i| 0.01 * f64::from(i)).find(|&t| course.is_at_hover(&climb.after(t))).unwrap();
         // 6/1.6 s of each ramp, the rest at 6 m/s: 12.1 s; the linear end costs under 1 s.
         assert!(arrived > 12.0 && arrived < 13.2, "{arrived}");
         assert!((climb.last().position_ned_m - course.hover_ned_m()).norm() < 2e-3);

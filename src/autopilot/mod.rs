@@ -32,8 +32,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
-use abort::{Abort, AbortWatch};
 pub use abort::AbortLimits;
+use abort::{Abort, AbortWatch};
 use allocation::{ActuatorParameters, Allocation, ThrustMap};
 use control::{Controller, Gains, Integrate};
 use guidance::Guidance;
@@ -315,6 +315,11 @@ impl Autopilot {
     /// where the vehicle can stop.
     pub const fn mission(&self) -> &Mission {
         &self.parameters.mission
+    }
+
+    /// Predictive tracking: where commands came from.
+    pub const fn tracker(&self) -> &Tracker {
+        &self.tracker
     }
 
     /// The filter, for consistency tests.

@@ -6,10 +6,13 @@
 use crate::autopilot::Parameters;
 use crate::autopilot::allocation::{ActuatorParameters, ThrottleOutput, ThrustMap};
 use crate::autopilot::control::Gains;
+use crate::autopilot::mpc;
 use crate::autopilot::navigation::{GnssParameters, NavigationParameters};
 use crate::autopilot::phase::SequenceParameters;
 use crate::autopilot::propellant::{MassPoint, PropellantParameters};
-use crate::dynamics::mass::{Contents, ContentsRate};
+use crate::autopilot::tracking::observer::ServoParameters;
+use crate::autopilot::tracking::{TrackingParameters, WEIGHTS};
+use crate::dynamics::mass::{Contents, ContentsRate, MassState};
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
@@ -51,6 +54,38 @@ pub fn autopilot(
             },
         },
         gains: Gains::default(),
+        tracking: tracking(vehicle, scenario.file.mission.tilt_limit_rad),
+    }
+}
+
+/// Share of the gimbal's range and of the rates that tracking may use; the rest is for what it does not know.
+const GIMBAL_AUTHORITY: f64 = 0.95;
+const GIMBAL_RATE_AUTHORITY: f64 = 0.5;
+/// Greatest rise of the thrust asked for, as a share of the rated thrust per second.
+const THRUST_RATE_SHARE_1_S: f64 = 1.5;
+
+fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
+    let (gimbal, swinging) = (&vehicle.gimbal, mass_state(vehicle, 0.5).swinging);
+    TrackingParameters {
+        stages: 30,
+        stage_s: 0.05,
+        period_s: 0.02,
+        weights: WEIGHTS,
+        thrust_rate_n_s: THRUST_RATE_SHARE_1_S * vehicle.rating.thrust_rated_n,
+        gimbal_rate_rad_s: GIMBAL_RATE_AUTHORITY * gimbal.rate_limit_rad_s,
+        gimbal_limit_rad: GIMBAL_AUTHORITY * gimbal.limit_rad,
+        roll_torque_n_m: vehicle.roll_moment_n_m(),
+        tilt_rad,
+        servo: ServoParameters {
+            natural_frequency_rad_s: gimbal.natural_frequency_rad_s,
+            damping_ratio: gimbal.damping_ratio,
+            rate_limit_rad_s: gimbal.rate_limit_rad_s,
+            delay_s: gimbal.delay_s,
+        },
+        engine_moment_kg_m: if gimbal.engine_inertia { swinging.first_moment_kg_m.z } else { 0.0 },
+        engine_inertia_kg_m2: if gimbal.engine_inertia { swinging.inertia_kg_m2[(0, 0)] } else { 0.0 },
+        solver: mpc::Settings::default(),
+        stand_in: mpc::Settings { iterations: 40, tolerance: 1e-6 },
     }
 }
 
@@ -137,8 +172,8 @@ fn navigation(
     }
 }
 
-/// Mass properties with this share of the propellants left.
-fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
+/// Masses with this share of the propellants left.
+fn mass_state(vehicle: &Vehicle, share: f64) -> MassState {
     let grain = &vehicle.engine_parameters.grain;
     let start = grain.port_radius_m;
     // Fuel goes with the square of the radius.
@@ -155,7 +190,12 @@ fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
         nitrogen_run_tank_kg: pressurant.tank_kg,
         nitrogen_bottle_kg: pressurant.bottle_kg,
     };
-    let mass = vehicle.mass.evaluate(&contents, &ContentsRate::default()).vehicle;
+    vehicle.mass.evaluate(&contents, &ContentsRate::default())
+}
+
+/// Mass properties with this share of the propellants left.
+fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
+    let mass = mass_state(vehicle, share).vehicle;
     let inertia = mass.inertia_about_com_kg_m2();
     MassPoint {
         mass_kg: mass.mass_kg,

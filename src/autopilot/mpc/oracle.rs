@@ -11,6 +11,7 @@ use clarabel::solver::{
     SupportedConeT::ZeroConeT,
 };
 
+use super::interior_point::Settings;
 use super::problem::{INPUTS, InputLimits, Problem, STATES, Solution, Status, TILT};
 
 /// Variables of a stage: its input, the state it leads to, the slack of that state's tilt limits.
@@ -18,6 +19,12 @@ const BLOCK: usize = INPUTS + STATES + 2;
 
 /// Solves to a tolerance on residuals and duality gap. The feedback stays zero.
 pub fn solve(problem: &Problem, tolerance: f64) -> Solution {
+    solve_within(problem, &Settings { iterations: 200, tolerance })
+}
+
+/// The same with a cap on the iterations.
+pub fn solve_within(problem: &Problem, settings: &Settings) -> Solution {
+    let Settings { iterations, tolerance } = *settings;
     let mut solution = Solution::default();
     if !problem.is_sound() {
         return solution;
@@ -27,6 +34,7 @@ pub fn solve(problem: &Problem, tolerance: f64) -> Solution {
     let program = Program::new(problem, &limits);
     let settings = DefaultSettings {
         verbose: false,
+        max_iter: iterations as u32,
         tol_gap_abs: tolerance,
         tol_gap_rel: tolerance,
         tol_feas: tolerance,

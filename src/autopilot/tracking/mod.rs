@@ -50,15 +50,15 @@ pub struct TrackingParameters {
     pub engine_inertia_kg_m2: f64,
     /// Own solver.
     pub solver: mpc::Settings,
-    /// Iterations of the general solver that stands in for it.
-    pub oracle_iterations: u32,
+    /// The general solver that stands in for it.
+    pub stand_in: mpc::Settings,
 }
 
 /// Costs of a stage: metres, metres per second, 0.1 rad, 0.1 rad/s, kN; kN, 0.1 rad, 10 N m.
 pub const WEIGHTS: StageCost = StageCost {
-    state: [4.0, 4.0, 8.0, 2.0, 2.0, 4.0, 0.3, 0.3, 0.1, 0.02, 0.02, 0.02, 0.01],
-    input: [2.0, 0.5, 0.5, 0.1],
-    change: [1.0, 1.0, 1.0, 0.1],
+    state: [10.0, 10.0, 8.0, 2.0, 2.0, 4.0, 0.3, 0.3, 0.1, 0.02, 0.02, 0.02, 0.01],
+    input: [2.0, 0.5, 0.5, 10.0],
+    change: [1.0, 1.0, 1.0, 2.0],
 };
 
 /// A plan is flown on for so long without a new one (s).
@@ -156,7 +156,8 @@ impl TrackingParameters {
     pub fn airframe(&self, mass: &MassPoint, thrust_lag_s: f64) -> Airframe {
         let MassPoint { mass_kg, inertia_kg_m2, com_body_m } = *mass;
         let arm_m = -com_body_m.z;
-        let share = |inertia: f64| (self.engine_inertia_kg_m2 + self.engine_moment_kg_m * arm_m) / inertia.max(1e-3);
+        let share =
+            |inertia: f64| (self.engine_inertia_kg_m2 + self.engine_moment_kg_m * arm_m) / inertia.max(1e-3);
         Airframe {
             mass_kg,
             inertia_kg_m2,
@@ -246,15 +247,18 @@ impl Tracker {
 
     /// Solves, and goes down as far as needed.
     fn climb_down(&mut self, p: &TrackingParameters) -> Rung {
-        let status = mpc::solve(&self.problem, &p.solver, &mut self.workspace, &mut self.fresh);
+        let status =
+            mpc::interior_point::solve(&self.problem, &p.solver, &mut self.workspace, &mut self.fresh);
         let usable = match status {
             Status::Solved => Some(Rung::Solved),
-            Status::IterationLimit if self.fresh.primal_residual < USABLE_RESIDUAL && self.fresh.iterations > 0 => {
+            Status::IterationLimit
+                if self.fresh.primal_residual < USABLE_RESIDUAL && self.fresh.iterations > 0 =>
+            {
                 Some(Rung::Capped)
             }
             _ => {
-                let status = mpc::oracle::solve_within(&self.problem, 1e-6, p.oracle_iterations, &mut self.fresh);
-                (status == Status::Solved).then_some(Rung::Oracle)
+                *self.fresh = mpc::oracle::solve_within(&self.problem, &p.stand_in);
+                (self.fresh.status == Status::Solved).then_some(Rung::Oracle)
             }
         };
         if let Some(rung) = usable {
@@ -286,7 +290,9 @@ impl Tracker {
         let mut position = s.seen.position_ned_m;
         let mut velocity = s.seen.velocity_ned_m_s;
         let mut rate = s.observer.momentum_rate(a, s.seen);
-        let recoil = |servos: &[observer::Servo; 2]| Vec3::new(kx * servos[0].angle_rad, ky * servos[1].angle_rad, 0.0);
+        let recoil = |servos: &[observer::Servo; 2]| {
+            Vec3::new(kx * servos[0].angle_rad, ky * servos[1].angle_rad, 0.0)
+        };
         let mut q = s.seen.q_ned_from_body * UnitQuaternion::from_scaled_axis(-recoil(&servos));
         let [offset_x, offset_y] = s.observer.thrust_offset_m;
         let h = latency_s / f64::from(BRIDGE_STEPS);
@@ -320,7 +326,9 @@ impl Tracker {
         let off = heading_from_ned * (position - com);
         let speed = heading_from_ned * (velocity - reference.velocity_ned_m_s);
         let ned_from_reference = heading_from_ned.transpose() * pose.heading_from_body;
-        let reference_q = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(ned_from_reference));
+        let reference_q = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(
+            ned_from_reference,
+        ));
         // The gimbal's trim is part of the reference: its recoil counts as none.
         let trim = self.trim_rad(s);
         let turn = (reference_q.inverse() * q).scaled_axis() + Vec3::new(kx * trim[0], ky * trim[1], 0.0);
@@ -367,7 +375,12 @@ impl Tracker {
         let gimbal = p.gimbal_limit_rad / ANGLE_RAD;
         let roll = p.roll_torque_n_m / TORQUE_N_M;
         let thrust = s.thrust_n.map(|t| t / THRUST_N);
-        let change = [p.thrust_rate_n_s / THRUST_N, p.gimbal_rate_rad_s / ANGLE_RAD, p.gimbal_rate_rad_s / ANGLE_RAD, 1e3];
+        let change = [
+            p.thrust_rate_n_s / THRUST_N,
+            p.gimbal_rate_rad_s / ANGLE_RAD,
+            p.gimbal_rate_rad_s / ANGLE_RAD,
+            1e3,
+        ];
         for k in 0..n {
             let after = pose_at(k + 2);
             let rate_next = next.rate_body_rad_s(&after, h);
@@ -375,7 +388,12 @@ impl Tracker {
             // The thrust command that keeps a reference whose thrust rises at this pace.
             let rise = (next.thrust_n - pose.thrust_n) / h;
             let thrust_trim = 0.5 * (pose.thrust_n + next.thrust_n) + s.airframe.thrust_lag_s * rise;
-            let input_trim = [thrust_trim / THRUST_N, trim[0] / ANGLE_RAD, trim[1] / ANGLE_RAD, -s.observer.roll_moment_n_m / TORQUE_N_M];
+            let input_trim = [
+                thrust_trim / THRUST_N,
+                trim[0] / ANGLE_RAD,
+                trim[1] / ANGLE_RAD,
+                -s.observer.roll_moment_n_m / TORQUE_N_M,
+            ];
             let stage = &mut problem.stages[k];
             stage.model.a = linear.a;
             stage.model.b = linear.b;
@@ -422,7 +440,12 @@ impl Tracker {
     }
 
     /// Feedback of the infinite horizon about the reference's trim.
-    fn constant_feedback(&self, p: &TrackingParameters, s: &Situation, now: &[f64; STATES]) -> Option<Control> {
+    fn constant_feedback(
+        &self,
+        p: &TrackingParameters,
+        s: &Situation,
+        now: &[f64; STATES],
+    ) -> Option<Control> {
         let [full, _] = self.horizons.as_ref()?;
         let horizon = &full.1;
         let trim = self.problem.stages[0].input_reference;
@@ -441,7 +464,8 @@ impl Tracker {
 
 /// Attitude and thrust that a reference asks for, the known disturbance leant against.
 fn pose_for(s: &Situation, reference: &Reference) -> Pose {
-    let push = reference.acceleration_ned_m_s2 - Vec3::new(0.0, 0.0, s.gravity_m_s2) - s.observer.force_ned_m_s2;
+    let push =
+        reference.acceleration_ned_m_s2 - Vec3::new(0.0, 0.0, s.gravity_m_s2) - s.observer.force_ned_m_s2;
     Pose::of(heading_from_ned(reference.heading_rad) * push, s.airframe.mass_kg)
 }
 

@@ -105,7 +105,13 @@ pub struct Stage {
 
 /// One stage of `dt_s` about a pose that turns at `rate_body_rad_s` and has to gain `rate_change_rad_s` in body rate by
 /// its end.
-pub fn stage(airframe: &Airframe, pose: &Pose, rate_body_rad_s: Vec3, rate_change_rad_s: Vec3, dt_s: f64) -> Stage {
+pub fn stage(
+    airframe: &Airframe,
+    pose: &Pose,
+    rate_body_rad_s: Vec3,
+    rate_change_rad_s: Vec3,
+    dt_s: f64,
+) -> Stage {
     let h = dt_s;
     let (mass, thrust_n) = (airframe.mass_kg, pose.thrust_n);
     let r = pose.heading_from_body;
@@ -123,7 +129,8 @@ pub fn stage(airframe: &Airframe, pose: &Pose, rate_body_rad_s: Vec3, rate_chang
     let push = thrust_n / mass;
     let tilt = r * Mat3::new(0.0, -push, 0.0, push, 0.0, 0.0, 0.0, 0.0, 0.0);
     let [recoil_x, recoil_y] = airframe.recoil;
-    let side = r * Mat3::new(0.0, (1.0 - recoil_y) * push, 0.0, -(1.0 - recoil_x) * push, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let side =
+        r * Mat3::new(0.0, (1.0 - recoil_y) * push, 0.0, -(1.0 - recoil_x) * push, 0.0, 0.0, 0.0, 0.0, 0.0);
     // Angular acceleration (rad/s²) from gimbal x, gimbal y (rad) and roll torque (N m).
     let [ix, iy, iz] = airframe.inertia_kg_m2;
     let moment = thrust_n * airframe.lever_arm_m;
@@ -249,7 +256,8 @@ mod tests {
             m.thrust_n += dn_middle * dt;
             let half = reference_r * Rotation3::new(rate * (0.5 * dt)).matrix();
             // The linearisation holds the reference's axis over the stage.
-            let wanted = -pose.heading_from_body.column(2).into_owned() * (pose.thrust_n / AIRFRAME.mass_kg) + GRAVITY;
+            let wanted =
+                -pose.heading_from_body.column(2).into_owned() * (pose.thrust_n / AIRFRAME.mass_kg) + GRAVITY;
             reference_p += (reference_v + wanted * (0.5 * dt)) * dt;
             reference_v += wanted * dt;
             reference_r = half * Rotation3::new(rate * (0.5 * dt)).matrix();
@@ -278,7 +286,11 @@ mod tests {
             for column in 0..STATES + INPUTS {
                 let at = |sign: f64| {
                     let (mut x, mut u) = (Point::zeros(), [0.0; INPUTS]);
-                    if column < STATES { x[column] = sign * step } else { u[column - STATES] = sign * step }
+                    if column < STATES {
+                        x[column] = sign * step
+                    } else {
+                        u[column - STATES] = sign * step
+                    }
                     fly(&x, &u, &pose, rate, 0.05)
                 };
                 let derivative = (at(1.0) - at(-1.0)) / (2.0 * step);

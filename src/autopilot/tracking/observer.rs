@@ -153,8 +153,8 @@ impl Observer {
             (offset_x + error.x * ix * wx * wx * per_thrust).clamp(-OFFSET_LIMIT_M, OFFSET_LIMIT_M),
             (offset_y + error.y * iy * wy * wy * per_thrust).clamp(-OFFSET_LIMIT_M, OFFSET_LIMIT_M),
         ];
-        self.roll_moment_n_m = (self.roll_moment_n_m + error.z * iz * wz * wz * dt_s)
-            .clamp(-ROLL_LIMIT_N_M, ROLL_LIMIT_N_M);
+        self.roll_moment_n_m =
+            (self.roll_moment_n_m + error.z * iz * wz * wz * dt_s).clamp(-ROLL_LIMIT_N_M, ROLL_LIMIT_N_M);
         for (axis, command) in self.servos.iter_mut().zip(gimbal_rad) {
             axis.step(servo, command, dt_s);
         }
