@@ -18,6 +18,7 @@ pub mod alignment;
 pub mod allocation;
 pub mod control;
 pub mod guidance;
+pub mod lcvx;
 pub mod navigation;
 pub mod phase;
 pub mod propellant;
