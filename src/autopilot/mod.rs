@@ -21,6 +21,7 @@ mod belief;
 pub mod control;
 mod flying;
 pub mod guidance;
+pub mod lcvx;
 pub mod mpc;
 pub mod navigation;
 pub mod phase;

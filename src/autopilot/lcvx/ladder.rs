@@ -1,0 +1,180 @@
+//! The ladder: what is flown when the optimum is not there, rung by rung down to one that always is.
+
+use super::super::trajectory::{Node, Trajectory};
+use super::flight_time::{Search, flown_s, least_s};
+use super::gate::{Passed, Rejection};
+use super::problem::{GlideSlope, Limits, Problem};
+use super::transcription::{Motion, Objective};
+use super::{Effort, Plan, PlanRequest, Refusal, Rung, Settings, closed_form, solve};
+
+/// Glide slope of the lower rungs: nearly along the ground, and a metre of it.
+const WIDE_GLIDE_SLOPE: GlideSlope = GlideSlope { angle_rad: 0.17, offset_m: 1.0 };
+/// The motion under way is kept up to this age (s).
+const PREVIOUS_AGE_MAX_S: f64 = 3.0;
+/// And while position (m), velocity (m/s) and target (m) lie this close to it.
+const TUBE_M: f64 = 1.0;
+const TUBE_M_S: f64 = 1.0;
+/// Flight times tried for the least landing error, over the least time.
+const LANDING_ERROR_SHARES: [f64; 4] = [1.2, 1.5, 2.0, 3.0];
+
+/// Plans a flight. Pure: the same arguments give the same bits. No argument makes it panic or return NaN.
+pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
+    let problem = &request.problem;
+    let heading_rad = if request.heading_rad.is_finite() { request.heading_rad } else { 0.0 };
+    let mut ladder = Ladder {
+        request,
+        heading_rad,
+        settings,
+        effort: Effort::default(),
+        refusal: problem.refusal(),
+        rejection: None,
+    };
+    if let Some(best) = ladder.least_fuel(problem, remaining_s(request)) {
+        return ladder.optimal(Rung::Optimal, best);
+    }
+    if let Some(previous) = kept(request) {
+        return ladder.plan(Rung::Previous, previous);
+    }
+    let mut wide = *problem;
+    if problem.limits.glide_slope.is_some() {
+        wide.limits = Limits { glide_slope: Some(WIDE_GLIDE_SLOPE), ..problem.limits };
+        if let Some(best) = ladder.least_fuel(&wide, None) {
+            return ladder.optimal(Rung::WideGlideSlope, best);
+        }
+    }
+    if let Some(best) = ladder.least_landing_error(&wide) {
+        return ladder.optimal(Rung::LandingError, best);
+    }
+    if problem.out_of_range().is_some() {
+        let at = closed_form::somewhere(problem);
+        return ladder.plan(Rung::Hold, Trajectory::hold(request.start, at, heading_rad));
+    }
+    let (rung, nodes) = match closed_form::quintic(problem) {
+        Some(nodes) => (Rung::Quintic, nodes),
+        None => (Rung::Ramp, closed_form::ramps(problem)),
+    };
+    ladder.plan(rung, Trajectory::new(request.start, heading_rad, nodes))
+}
+
+/// What is left of the motion under way (s), if it ends where the flight is to end.
+fn remaining_s(request: &PlanRequest) -> Option<f64> {
+    let previous = request.previous.as_ref()?;
+    let off = previous.last().position_ned_m - request.problem.target.position_ned_m;
+    let left_s = previous.duration_s() - request.start.since(previous.start()).s();
+    (off.norm() <= TUBE_M && left_s > 0.0).then_some(left_s)
+}
+
+/// The motion under way, if it is young and the vehicle still on it.
+fn kept(request: &PlanRequest) -> Option<Trajectory> {
+    remaining_s(request)?;
+    let previous = request.previous.as_ref()?;
+    let age_s = request.start.since(previous.start()).s();
+    let (now, start) = (previous.after(age_s), &request.problem.start);
+    let off_m = (now.position_ned_m - start.position_ned_m).norm();
+    let off_m_s = (now.velocity_ned_m_s - start.velocity_ned_m_s).norm();
+    let is_close = age_s <= PREVIOUS_AGE_MAX_S && off_m <= TUBE_M && off_m_s <= TUBE_M_S;
+    is_close.then(|| previous.clone())
+}
+
+/// An answer that passed the gate.
+struct Best {
+    motion: Motion,
+    passed: Passed,
+    least_time_s: f64,
+    cost: f64,
+}
+
+struct Ladder<'a> {
+    request: &'a PlanRequest,
+    heading_rad: f64,
+    settings: &'a Settings,
+    effort: Effort,
+    refusal: Option<Refusal>,
+    rejection: Option<Rejection>,
+}
+
+impl Ladder<'_> {
+    fn least_fuel(&mut self, problem: &Problem, remaining_s: Option<f64>) -> Option<Best> {
+        let guess_s = remaining_s.map(|left_s| left_s / self.settings.flight_time_share);
+        let least_s = self.least_s(problem, Objective::Fuel, guess_s)?;
+        self.best(problem, Objective::Fuel, least_s, self.settings.flight_time_share)
+    }
+
+    fn least_landing_error(&mut self, problem: &Problem) -> Option<Best> {
+        let least_s = self.least_s(problem, Objective::LandingError, None)?;
+        let all =
+            LANDING_ERROR_SHARES.map(|share| self.best(problem, Objective::LandingError, least_s, share));
+        all.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    fn least_s(&mut self, problem: &Problem, objective: Objective, guess_s: Option<f64>) -> Option<f64> {
+        let settings = self.settings;
+        if self.refusal.is_some() || settings.iterations_max == 0 {
+            return None;
+        }
+        let search = Search {
+            nodes: settings.search_nodes,
+            tolerance_s: settings.search_tolerance_s,
+            iterations_max: settings.iterations_max,
+        };
+        least_s(problem, objective, &search, guess_s, &mut self.effort)
+    }
+
+    fn best(
+        &mut self,
+        problem: &Problem,
+        objective: Objective,
+        least_time_s: f64,
+        share: f64,
+    ) -> Option<Best> {
+        let flight_time_s = flown_s(problem, least_time_s, share);
+        let answer = solve(problem, objective, flight_time_s, self.settings.accuracy());
+        self.effort.solves += 1;
+        self.effort.iterations += answer.solution.iterations;
+        let cost = answer.solution.cost;
+        match answer.verdict {
+            Ok(passed) => Some(Best { motion: answer.motion?, passed, least_time_s, cost }),
+            Err(rejection) => {
+                self.rejection = self.rejection.or(Some(rejection));
+                None
+            }
+        }
+    }
+
+    fn optimal(self, rung: Rung, best: Best) -> Plan {
+        let nodes = nodes(self.request, &best.motion);
+        let trajectory = Trajectory::new(self.request.start, self.heading_rad, nodes);
+        Plan {
+            least_time_s: Some(best.least_time_s),
+            fuel_kg: Some(best.motion.fuel_kg()),
+            passed: Some(best.passed),
+            ..self.plan(rung, trajectory)
+        }
+    }
+
+    fn plan(self, rung: Rung, trajectory: Trajectory) -> Plan {
+        let gone_s = self.request.start.since(trajectory.start()).s();
+        Plan {
+            flight_time_s: trajectory.duration_s() - gone_s,
+            trajectory,
+            rung,
+            least_time_s: None,
+            fuel_kg: None,
+            passed: None,
+            effort: self.effort,
+            refusal: self.refusal,
+            rejection: self.rejection,
+        }
+    }
+}
+
+fn nodes(request: &PlanRequest, motion: &Motion) -> Vec<Node> {
+    let gravity = request.problem.gravity_ned_m_s2();
+    let node = |k: usize| Node {
+        time_s: motion.step_s * k as f64,
+        position_ned_m: motion.position_ned_m[k],
+        velocity_ned_m_s: motion.velocity_ned_m_s[k],
+        acceleration_ned_m_s2: motion.thrust_acceleration_ned_m_s2[k] + gravity,
+    };
+    (0..motion.bound_m_s2.len()).map(node).collect()
+}

@@ -1,0 +1,190 @@
+//! What is to be flown, and within which limits: the data of one planning problem.
+
+use crate::frame::Vec3;
+
+/// Motion, mass and engine at the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Position of the pivot (m).
+    pub position_ned_m: Vec3,
+    /// Velocity (m/s).
+    pub velocity_ned_m_s: Vec3,
+    /// Thrust per mass that the plan has to begin with (m/s²), drawn into the thrust band and the tilt limit.
+    /// `None` leaves it open.
+    pub thrust_acceleration_ned_m_s2: Option<Vec3>,
+    /// Mass (kg).
+    pub mass_kg: f64,
+}
+
+/// Where the motion ends; thrust is vertical there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Position of the pivot (m).
+    pub position_ned_m: Vec3,
+    /// Velocity (m/s).
+    pub velocity_ned_m_s: Vec3,
+}
+
+/// The engine as guidance sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Engine {
+    /// Lower end of the thrust band (N).
+    pub thrust_min_n: f64,
+    /// Upper end of the thrust band (N).
+    pub thrust_max_n: f64,
+    /// Mass flow per thrust, one over the exhaust velocity (s/m).
+    pub mass_flow_per_thrust_s_m: f64,
+    /// Mass below which nothing may be planned (kg).
+    pub dry_mass_kg: f64,
+}
+
+/// A cone open upwards that a descent stays in, its apex under the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GlideSlope {
+    /// Angle of the cone above the horizontal (rad).
+    pub angle_rad: f64,
+    /// Apex below the target (m).
+    pub offset_m: f64,
+}
+
+/// Limits of the motion. They bind between the ends, which are given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Greatest angle between thrust and the vertical (rad).
+    pub tilt_rad: f64,
+    /// Greatest speed (m/s).
+    pub speed_m_s: f64,
+    /// Greatest speed upwards (m/s).
+    pub climb_m_s: f64,
+    /// Greatest speed downwards (m/s).
+    pub sink_m_s: f64,
+    /// For descents. Without it the motion stays above the lower of its ends.
+    pub glide_slope: Option<GlideSlope>,
+}
+
+/// One planning problem: point mass, thrust vector, constant exhaust velocity, uniform gravity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Problem {
+    /// Where it begins.
+    pub start: Start,
+    /// Where it ends.
+    pub target: Target,
+    /// What drives it.
+    pub engine: Engine,
+    /// What it keeps to.
+    pub limits: Limits,
+    /// Gravity, along +z (m/s²).
+    pub gravity_m_s2: f64,
+    /// Nodes of the plan: 30 in flight, 50 for proofs.
+    pub nodes: usize,
+}
+
+/// Largest share of the final weight that the thrust's lower end may be. Above the weight the relaxed lower
+/// bound of thrust is no longer met by the optimum: it idles above the thrust that it commands.
+pub const THRUST_FLOOR_SHARE: f64 = 0.85;
+
+/// Why a problem is not put to the solver.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// A number is missing.
+    #[error("{0} is not a finite number")]
+    NotFinite(&'static str),
+    /// A number is out of its range.
+    #[error("{what} is {value}, it must lie in {low} to {high}")]
+    OutOfRange {
+        /// Its name.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+        /// Least value.
+        low: f64,
+        /// Greatest value.
+        high: f64,
+    },
+    /// The engine cannot throttle deep enough below the weight.
+    #[error(
+        "least thrust {thrust_min_n} N exceeds {limit_n} N, {THRUST_FLOOR_SHARE} of the weight at {mass_kg} kg"
+    )]
+    ThrustFloor {
+        /// Lower end of the band (N).
+        thrust_min_n: f64,
+        /// What it may be (N).
+        limit_n: f64,
+        /// Lightest mass of the flight (kg).
+        mass_kg: f64,
+    },
+}
+
+impl Problem {
+    /// The first reason not to solve it.
+    pub fn refusal(&self) -> Option<Refusal> {
+        self.out_of_range().or_else(|| {
+            let mass_kg = self.engine.dry_mass_kg;
+            let limit_n = THRUST_FLOOR_SHARE * mass_kg * self.gravity_m_s2;
+            let thrust_min_n = self.engine.thrust_min_n;
+            (thrust_min_n > limit_n).then_some(Refusal::ThrustFloor { thrust_min_n, limit_n, mass_kg })
+        })
+    }
+
+    /// Numbers with which the transcription has no meaning; the floor rule is not looked at.
+    pub(super) fn out_of_range(&self) -> Option<Refusal> {
+        let (start, target, engine, limits) = (&self.start, &self.target, &self.engine, &self.limits);
+        let vectors = [
+            ("start.position_ned_m", start.position_ned_m),
+            ("start.velocity_ned_m_s", start.velocity_ned_m_s),
+            ("start.thrust_acceleration_ned_m_s2", start.thrust_acceleration_ned_m_s2.unwrap_or_default()),
+            ("target.position_ned_m", target.position_ned_m),
+            ("target.velocity_ned_m_s", target.velocity_ned_m_s),
+        ];
+        // Beyond a thousand kilometres or a hundred kilometres a second nothing here is meant.
+        let vector = vectors.iter().find(|(_, v)| !v.iter().all(|x| x.abs() <= 1e6));
+        if let Some((what, _)) = vector {
+            return Some(Refusal::NotFinite(what));
+        }
+        let glide = limits.glide_slope.unwrap_or(GlideSlope { angle_rad: 0.5, offset_m: 0.0 });
+        let ranges = [
+            ("start.mass_kg", start.mass_kg, 1e-3, 1e6),
+            ("engine.dry_mass_kg", engine.dry_mass_kg, 1e-3, start.mass_kg),
+            ("engine.thrust_max_n", engine.thrust_max_n, 1e-3, 1e9),
+            ("engine.thrust_min_n", engine.thrust_min_n, 1e-3, engine.thrust_max_n),
+            ("engine.mass_flow_per_thrust_s_m", engine.mass_flow_per_thrust_s_m, 1e-9, 1.0),
+            ("gravity_m_s2", self.gravity_m_s2, 1e-3, 1e3),
+            ("limits.tilt_rad", limits.tilt_rad, 1e-3, 1.5),
+            ("limits.speed_m_s", limits.speed_m_s, 1e-3, 1e5),
+            ("limits.climb_m_s", limits.climb_m_s, 1e-3, 1e5),
+            ("limits.sink_m_s", limits.sink_m_s, 1e-3, 1e5),
+            ("limits.glide_slope.angle_rad", glide.angle_rad, 1e-3, 1.5),
+            ("limits.glide_slope.offset_m", glide.offset_m, 0.0, 1e6),
+            ("nodes", self.nodes as f64, 3.0, 1e4),
+        ];
+        // Written so that NaN is out of range.
+        let wrong = ranges.iter().find(|(_, value, low, high)| !(low <= value && value <= high));
+        wrong.map(|&(what, value, low, high)| Refusal::OutOfRange { what, value, low, high })
+    }
+
+    /// The target lies below the start.
+    pub fn is_descent(&self) -> bool {
+        self.target.position_ned_m.z > self.start.position_ned_m.z
+    }
+
+    /// Gravity as a vector (m/s²).
+    pub(super) fn gravity_ned_m_s2(&self) -> Vec3 {
+        Vec3::new(0.0, 0.0, self.gravity_m_s2)
+    }
+
+    /// The thrust per mass to begin with, drawn into what engine and tilt limit allow (m/s²).
+    pub(super) fn pinned_ned_m_s2(&self) -> Option<Vec3> {
+        let wanted = self.start.thrust_acceleration_ned_m_s2?;
+        let (low, high) = (self.engine.thrust_min_n, self.engine.thrust_max_n);
+        let inside = PIN_MARGIN * (high - low);
+        let size = (wanted.norm() * self.start.mass_kg).clamp(low + inside, high - inside);
+        let size_m_s2 = size / self.start.mass_kg;
+        let lateral = libm::hypot(wanted.x, wanted.y);
+        let tilt_rad = libm::atan2(lateral, -wanted.z).min((1.0 - PIN_MARGIN) * self.limits.tilt_rad);
+        let along = if lateral > 0.0 { size_m_s2 * libm::sin(tilt_rad) / lateral } else { 0.0 };
+        Some(Vec3::new(wanted.x * along, wanted.y * along, -size_m_s2 * libm::cos(tilt_rad)))
+    }
+}
+
+/// A pinned thrust lies this share inside its limits: on them the solver would have no interior.
+const PIN_MARGIN: f64 = 0.01;
