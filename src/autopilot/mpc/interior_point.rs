@@ -38,11 +38,17 @@ const CHANGE_HIGH: usize = 3 * INPUTS;
 const TILT_HIGH: usize = 4 * INPUTS;
 const TILT_LOW: usize = TILT_HIGH + 2;
 const SLACK: usize = TILT_LOW + 2;
-/// Weight of the products at the start, and least slack there.
+/// Distance from the limits at the start: of the inputs, and of the slack of tilt from zero.
+const MARGIN: f64 = 0.1;
+/// Least slack at the start. Wide, since a point close to a limit has a long way to any other; inputs need not
+/// keep their limits on the way.
+const START_SLACK: f64 = 1.0;
+/// Slack times multiplier at the start: at least so much, and this share of the gradient that multipliers will have
+/// to balance. Too small a product leaves them too short, and every step of theirs ends at a limit.
 const START_PRODUCT: f64 = 10.0;
-const START_SLACK: f64 = 0.1;
+const START_SHARE: f64 = 0.03;
 /// Share of the step to the boundary.
-const SHARE: f64 = 0.995;
+const SHARE: f64 = 0.998;
 
 type Pairs = [f64; PAIRS];
 
@@ -177,7 +183,7 @@ fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
         w.columns.fill(&stage.model);
         let tilt = problem.tilt_after(k);
         for j in 0..INPUTS {
-            let margin = START_SLACK.min(0.25 * (limits.max[k][j] - limits.min[k][j]));
+            let margin = MARGIN.min(0.25 * (limits.max[k][j] - limits.min[k][j]));
             input[j] = input[j].clamp(limits.min[k][j] + margin, limits.max[k][j] - margin);
             w.bound[INPUT_LOW + j] = -limits.min[k][j];
             w.bound[INPUT_HIGH + j] = limits.max[k][j];
@@ -193,17 +199,23 @@ fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
             let x = state[TILT[i]];
             w.bound[TILT_HIGH + i] = tilt.max[i];
             w.bound[TILT_LOW + i] = -tilt.min[i];
-            w.at.slack[i] = (x - tilt.max[i]).max(tilt.min[i] - x).max(0.0) + START_SLACK;
+            w.at.slack[i] = (x - tilt.max[i]).max(tilt.min[i] - x).max(0.0) + MARGIN;
         }
     }
     let mut previous = limits.previous_input;
-    for w in work {
+    for w in work.iter_mut() {
         let left = rows(&w.at, &previous);
         for i in 0..PAIRS {
             w.slack[i] = (w.bound[i] - left[i]).max(START_SLACK);
-            w.multiplier[i] = START_PRODUCT / w.slack[i];
         }
+        w.multiplier = [0.0; PAIRS];
         previous = w.at.input;
+    }
+    let product = START_PRODUCT.max(START_SHARE * residuals(problem, limits, work).dual);
+    for w in work {
+        for i in 0..PAIRS {
+            w.multiplier[i] = product / w.slack[i];
+        }
     }
 }
 
@@ -315,7 +327,7 @@ fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
         }
     }
     let ratio = after / (mean * (PAIRS * work.len()) as f64);
-    let target = ratio * ratio * ratio * mean;
+    let target = ratio * ratio * mean;
     for w in work.iter_mut() {
         for i in 0..PAIRS {
             w.target[i] = target - w.slack_step[i] * w.multiplier_step[i];
@@ -323,21 +335,21 @@ fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
     }
     direction(problem, work, terminal);
     let (primal, dual) = lengths(work);
-    let both = (SHARE * primal).min(SHARE * dual).min(1.0);
-    let (primal, dual) = (both, both);
+    // One length for both: the gradient of a quadratic program falls with the shorter only.
+    let length = (SHARE * primal.min(dual)).min(1.0);
     for w in work.iter_mut() {
         for i in 0..PAIRS {
-            w.slack[i] += primal * w.slack_step[i];
-            w.multiplier[i] += dual * w.multiplier_step[i];
+            w.slack[i] += length * w.slack_step[i];
+            w.multiplier[i] += length * w.multiplier_step[i];
         }
         for j in 0..INPUTS {
-            w.at.input[j] += primal * w.step.input[j];
+            w.at.input[j] += length * w.step.input[j];
         }
         for i in 0..STATES {
-            w.at.state[i] += primal * w.step.state[i];
+            w.at.state[i] += length * w.step.state[i];
         }
         for i in 0..2 {
-            w.at.slack[i] += primal * w.step.slack[i];
+            w.at.slack[i] += length * w.step.slack[i];
         }
     }
     Some(())
