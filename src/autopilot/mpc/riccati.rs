@@ -126,19 +126,40 @@ impl Columns {
     fn column(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.begin[column] as usize..self.begin[column + 1] as usize;
         // The minimum tells the compiler that a row is in range.
-        self.row[range.clone()]
-            .iter()
-            .zip(&self.entry[range])
-            .map(|(&r, &e)| ((r as usize).min(STATES - 1), e))
+        let rows = self.row[range.clone()].iter().map(|&row| (row as usize).min(STATES - 1));
+        rows.zip(self.entry[range].iter().copied())
+    }
+
+    /// The rows of a matrix times the entries of one column, added up: a row of Aᵀ M or Bᵀ M.
+    #[inline(always)]
+    fn combine<const N: usize>(&self, column: usize, matrix: &[[f64; N]; STATES]) -> [f64; N] {
+        let mut sum = [0.0; N];
+        for (i, entry) in self.column(column) {
+            add(&mut sum, entry, &matrix[i]);
+        }
+        sum
+    }
+
+    /// Aᵀ M. Not inlined, so that each row of sums stays in registers.
+    #[inline(never)]
+    fn transposed_times(&self, matrix: &[Row; STATES], out: &mut [Row; STATES]) {
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = self.combine(j, matrix);
+        }
     }
 
     /// A x + B u.
     #[inline(always)]
     pub fn step(&self, x: &Row, u: &[f64; INPUTS]) -> Row {
         let mut next = Row::default();
-        for (j, &factor) in x[..STATES].iter().chain(u).enumerate() {
+        for j in 0..STATES {
             for (i, entry) in self.column(j) {
-                next[i] += entry * factor;
+                next[i] += entry * x[j];
+            }
+        }
+        for j in 0..INPUTS {
+            for (i, entry) in self.column(STATES + j) {
+                next[i] += entry * u[j];
             }
         }
         next
@@ -148,8 +169,10 @@ impl Columns {
     #[inline(always)]
     fn transposed_state(&self, p: &Row) -> Row {
         let mut out = Row::default();
-        for (j, out) in out[..STATES].iter_mut().enumerate() {
-            *out = self.column(j).map(|(i, entry)| entry * p[i]).sum();
+        for j in 0..STATES {
+            for (i, entry) in self.column(j) {
+                out[j] += entry * p[i];
+            }
         }
         out
     }
@@ -157,7 +180,13 @@ impl Columns {
     /// Bᵀ p.
     #[inline(always)]
     fn transposed_input(&self, p: &Row) -> [f64; INPUTS] {
-        std::array::from_fn(|j| self.column(STATES + j).map(|(i, entry)| entry * p[i]).sum())
+        let mut out = [0.0; INPUTS];
+        for j in 0..INPUTS {
+            for (i, entry) in self.column(STATES + j) {
+                out[j] += entry * p[i];
+            }
+        }
+        out
     }
 }
 
@@ -203,107 +232,95 @@ pub struct Slope {
 /// What the recursion keeps of one stage: u = `feed_forward` - `state` x + `change` v.
 #[derive(Clone, Debug, Default)]
 pub struct Policy {
-    /// Lower triangle L of M + S = L Lᵀ, with reciprocals on the diagonal.
-    root: [[f64; INPUTS]; INPUTS],
-    /// L⁻¹ G.
-    half: [Row; INPUTS],
     /// (M + S)⁻¹ G.
     state: [Row; INPUTS],
     /// (M + S)⁻¹ S.
     change: [[f64; INPUTS]; INPUTS],
+    /// (M + S)⁻¹.
+    inverse: [[f64; INPUTS]; INPUTS],
+    feed_forward: [f64; INPUTS],
     /// M.
     curvature: [[f64; INPUTS]; INPUTS],
-    feed_forward: [f64; INPUTS],
+    /// L⁻¹ G, with L the lower root of M + S.
+    half: [Row; INPUTS],
 }
 
 impl Policy {
     /// Best answer of one stage to a state, given the value after it. `None`: M + S is not positive definite.
-    #[inline]
     pub fn factorise(&mut self, model: &Columns, after: &Value, cost: &StageCost) -> Option<()> {
-        // P_xx B + P_xv, by columns.
-        let mut y = [Row::default(); INPUTS];
-        for (c, y) in y.iter_mut().enumerate() {
-            for (i, b) in model.column(STATES + c) {
-                add(y, b, &after.state[i]);
-            }
-        }
-        let mut by_state = [[0.0; INPUTS]; STATES];
-        for (i, row) in by_state.iter_mut().enumerate() {
-            for c in 0..INPUTS {
-                row[c] = y[c][i] + after.cross[i][c];
-            }
-        }
-        let mut m = after.input;
+        // P_xx B + P_xv, by rows of the state.
+        let mut through = after.cross;
         for c in 0..INPUTS {
-            m[c][c] += cost.input[c];
-            let mut column = [0.0; INPUTS];
-            for (i, b) in model.column(STATES + c) {
-                for d in 0..INPUTS {
-                    column[d] += b * by_state[i][d];
-                    m[d][c] += b * after.cross[i][d];
-                }
-            }
-            for d in 0..INPUTS {
-                m[c][d] += column[d];
+            let y = model.combine(STATES + c, &after.state);
+            for i in 0..STATES {
+                through[i][c] += y[i];
             }
         }
-        self.curvature = m;
-        self.root = cholesky(&m, &cost.change)?;
-        for j in 0..STATES {
-            let mut g = [0.0; INPUTS];
-            for (i, a) in model.column(j) {
-                for c in 0..INPUTS {
-                    g[c] += a * by_state[i][c];
-                }
+        for c in 0..INPUTS {
+            let mut row = after.input[c];
+            row[c] += cost.input[c];
+            add(&mut row, 1.0, &model.combine(STATES + c, &through));
+            self.curvature[c] = row;
+        }
+        for c in 0..INPUTS {
+            let column = model.combine(STATES + c, &after.cross);
+            for d in 0..INPUTS {
+                self.curvature[d][c] += column[d];
             }
+        }
+        let root = cholesky(&self.curvature, &cost.change)?;
+        for j in 0..STATES {
+            let g = model.combine(j, &through);
             for c in 0..INPUTS {
                 self.half[c][j] = g[c];
             }
         }
-        forward(&self.root, &mut self.half);
+        forward(&root, &mut self.half);
         self.state = self.half;
-        backward(&self.root, &mut self.state);
-        self.change = [[0.0; INPUTS]; INPUTS];
+        backward(&root, &mut self.state);
+        self.inverse = [[0.0; INPUTS]; INPUTS];
         for c in 0..INPUTS {
-            self.change[c][c] = cost.change[c];
+            self.inverse[c][c] = 1.0;
         }
-        forward(&self.root, &mut self.change);
-        backward(&self.root, &mut self.change);
+        forward(&root, &mut self.inverse);
+        backward(&root, &mut self.inverse);
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                self.change[c][d] = self.inverse[c][d] * cost.change[d];
+            }
+        }
         Some(())
     }
 
     /// Carries the value from after the stage to before it, once the stage is factorised.
-    #[inline]
     pub fn value_before(&self, model: &Columns, value: &mut Value, cost: &StageCost) {
-        let mut w = [Row::default(); STATES];
-        for (j, w) in w.iter_mut().enumerate() {
-            for (i, a) in model.column(j) {
-                add(w, a, &value.state[i]);
-            }
-        }
+        let mut product = [Row::default(); STATES];
+        model.transposed_times(&value.state, &mut product);
         let mut turned = [Row::default(); STATES];
         for i in 0..STATES {
             for j in 0..STATES {
-                turned[i][j] = w[j][i];
+                turned[i][j] = product[j][i];
             }
         }
+        model.transposed_times(&turned, &mut value.state);
         for j in 0..STATES {
-            let mut f = Row::default();
-            for (i, a) in model.column(j) {
-                add(&mut f, a, &turned[i]);
-            }
+            let row = &mut value.state[j];
             for half in &self.half {
-                add(&mut f, -half[j], half);
+                add(row, -half[j], half);
             }
-            f[j] += cost.state[j];
-            value.state[j] = f;
+            row[j] += cost.state[j];
+        }
+        for i in 0..STATES {
             for c in 0..INPUTS {
-                value.cross[j][c] = self.state[c][j] * cost.change[c];
+                value.cross[i][c] = self.state[c][i] * cost.change[c];
             }
         }
-        let mut share = self.curvature;
-        forward(&self.root, &mut share);
-        backward(&self.root, &mut share);
+        let mut share = [[0.0; INPUTS]; INPUTS];
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                add(&mut share[c], self.inverse[c][d], &self.curvature[d]);
+            }
+        }
         for c in 0..INPUTS {
             for d in 0..INPUTS {
                 value.input[c][d] = 0.5 * (cost.change[c] * share[c][d] + cost.change[d] * share[d][c]);
@@ -311,8 +328,8 @@ impl Policy {
         }
     }
 
-    /// Carries the slope from after the stage to before it. Costs: linear terms in state, input and change.
-    #[inline]
+    /// Carries the slope from after the stage to before it, given the linear costs and the weights of change.
+    #[inline(always)]
     pub fn slope_before(
         &mut self,
         model: &Columns,
@@ -325,29 +342,34 @@ impl Policy {
             h[c] += linear.input[c] + linear.change[c] + slope.input[c];
         }
         let mut before = model.transposed_state(&slope.state);
-        for c in 0..INPUTS {
-            add(&mut before, -h[c], &self.state[c]);
-        }
         for i in 0..STATES {
             before[i] += linear.state[i];
         }
-        slope.state = before;
-        let mut d = h.map(|h| [-h]);
-        forward(&self.root, &mut d);
-        backward(&self.root, &mut d);
         for c in 0..INPUTS {
-            self.feed_forward[c] = d[c][0];
-            slope.input[c] = -linear.change[c] - change_weight[c] * d[c][0];
+            add(&mut before, -h[c], &self.state[c]);
+        }
+        slope.state = before;
+        // Symmetric: rows are columns.
+        self.feed_forward = [0.0; INPUTS];
+        for c in 0..INPUTS {
+            add(&mut self.feed_forward, -h[c], &self.inverse[c]);
+        }
+        for c in 0..INPUTS {
+            slope.input[c] = -linear.change[c] - change_weight[c] * self.feed_forward[c];
         }
     }
 
     /// The input of the stage.
-    #[inline]
+    #[inline(always)]
     pub fn input(&self, x: &Row, v: &[f64; INPUTS]) -> [f64; INPUTS] {
-        std::array::from_fn(|c| {
-            let change: f64 = self.change[c].iter().zip(v).map(|(k, v)| k * v).sum();
-            self.feed_forward[c] + change - sum_of_products(&self.state[c], x)
-        })
+        let mut u = self.feed_forward;
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                u[c] += self.change[c][d] * v[d];
+            }
+            u[c] -= sum_of_products(&self.state[c], x);
+        }
+        u
     }
 
     /// du/dx.
@@ -357,24 +379,24 @@ impl Policy {
 }
 
 /// Gradient of the cost in one input, the states and inputs after it taken as they are; carries the costate.
-#[inline]
+#[inline(always)]
 pub fn input_gradient(model: &Columns, costate: &mut Slope, linear: &StageCost) -> [f64; INPUTS] {
-    let through = model.transposed_input(&costate.state);
-    let gradient =
-        std::array::from_fn(|c| through[c] + linear.input[c] + linear.change[c] + costate.input[c]);
-    let mut before = model.transposed_state(&costate.state);
-    for i in 0..STATES {
-        before[i] += linear.state[i];
+    let mut gradient = model.transposed_input(&costate.state);
+    for c in 0..INPUTS {
+        gradient[c] += linear.input[c] + linear.change[c] + costate.input[c];
+        costate.input[c] = -linear.change[c];
     }
-    costate.state = before;
-    costate.input = linear.change.map(|x| -x);
+    costate.state = model.transposed_state(&costate.state);
+    for i in 0..STATES {
+        costate.state[i] += linear.state[i];
+    }
     gradient
 }
 
 #[inline(always)]
 fn add<const N: usize>(to: &mut [f64; N], factor: f64, row: &[f64; N]) {
-    for (to, x) in to.iter_mut().zip(row) {
-        *to += factor * x;
+    for i in 0..N {
+        to[i] += factor * row[i];
     }
 }
 
