@@ -11,7 +11,7 @@
 //! control, JOTA 99(3), 1998; starting point and step rules after G. Frison and M. Diehl, HPIPM, IFAC 2020.
 
 use super::problem::{INPUTS, InputLimits, MAX_STAGES, Problem, STATES, Solution, Status, TILT};
-use super::riccati::{Columns, Policy, Row, Slope, StageCost, Value, input_gradient};
+use super::riccati::{Columns, InputSlope, Policy, Row, Slope, StageCost, Value, input_gradient};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,8 +73,10 @@ struct Work {
     policy: Policy,
     at: Point,
     step: Point,
-    /// Gradient of the costs at the iterate: state at the beginning, input, change.
-    gradient: StageCost,
+    /// Gradient of the costs at the iterate, in the state at the beginning of the stage.
+    state_gradient: Row,
+    /// In input and change.
+    gradient: InputSlope,
     /// Weights of the factorised program.
     weight: StageCost,
     bound: Pairs,
@@ -97,7 +99,8 @@ impl Default for Work {
             policy: Policy::default(),
             at: Point::default(),
             step: Point::default(),
-            gradient: StageCost::default(),
+            state_gradient: Row::default(),
+            gradient: InputSlope::default(),
             weight: StageCost::default(),
             bound: [0.0; PAIRS],
             slack: [0.0; PAIRS],
@@ -244,13 +247,15 @@ fn rows(point: &Point, previous: &[f64; INPUTS]) -> Pairs {
     left
 }
 
-/// Adds aᵀ m to the linear terms of input and change.
+/// Gradient in input and change with the multipliers' aᵀ m.
 #[inline(always)]
-fn add_multipliers(linear: &mut StageCost, m: &Pairs) {
+fn with_multipliers(gradient: &InputSlope, m: &Pairs) -> InputSlope {
+    let mut sum = InputSlope::default();
     for j in 0..INPUTS {
-        linear.input[j] += m[INPUT_HIGH + j] - m[INPUT_LOW + j];
-        linear.change[j] += m[CHANGE_HIGH + j] - m[CHANGE_LOW + j];
+        sum.input[j] = gradient.input[j] + m[INPUT_HIGH + j] - m[INPUT_LOW + j];
+        sum.change[j] = gradient.change[j] + m[CHANGE_HIGH + j] - m[CHANGE_LOW + j];
     }
+    sum
 }
 
 /// Gradients and residuals at the iterate.
@@ -284,7 +289,7 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
     for k in 1..work.len() {
         let stage = &problem.stages[k];
         for i in 0..STATES {
-            work[k].gradient.state[i] =
+            work[k].state_gradient[i] =
                 stage.state_weight[i] * (work[k - 1].at.state[i] - stage.state_reference[i]);
         }
     }
@@ -294,9 +299,8 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
         for i in 0..2 {
             costate.state[TILT[i]] += w.multiplier[TILT_HIGH + i] - w.multiplier[TILT_LOW + i];
         }
-        let mut linear = w.gradient;
-        add_multipliers(&mut linear, &w.multiplier);
-        for g in input_gradient(&w.columns, &mut costate, &linear) {
+        let linear = with_multipliers(&w.gradient, &w.multiplier);
+        for g in input_gradient(&w.columns, &mut costate, &w.state_gradient, &linear) {
             dual = greater(dual, g.abs());
         }
     }
@@ -332,7 +336,8 @@ fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
     // The mean product after the affine step, in which λ ds + s dλ = -s λ.
     let count = (PAIRS * work.len()) as f64;
     let (primal, dual) = (affine.primal, affine.dual);
-    let after = (1.0 - dual) * mean + ((primal - dual) * affine.slack_products + primal * dual * affine.products) / count;
+    let after = (1.0 - dual) * mean
+        + ((primal - dual) * affine.slack_products + primal * dual * affine.products) / count;
     let ratio = (after / mean).max(0.0);
     let target = ratio * ratio * mean;
     for w in work.iter_mut() {
@@ -428,9 +433,8 @@ fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) -> Reach {
             slope.state[TILT[i]] += m[TILT_HIGH + i] - m[TILT_LOW + i] - w.coupling[i] * slack;
             w.step.slack[i] = -slack * w.flexibility[i];
         }
-        let mut linear = w.gradient;
-        add_multipliers(&mut linear, &m);
-        w.policy.slope_before(&w.columns, &mut slope, &linear, &w.weight.change);
+        let linear = with_multipliers(&w.gradient, &m);
+        w.policy.slope_before(&w.columns, &mut slope, &w.state_gradient, &linear, &w.weight.change);
     }
 
     let mut state = Row::default();

@@ -89,17 +89,34 @@ pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
     None
 }
 
-/// The entries of [A B] that are not zero, column by column.
+/// A model laid out for the recursion. Products with matrices run over the entries of [A B] that are not zero,
+/// column by column; products with vectors are too short for that to pay.
 #[derive(Clone, Debug)]
 pub struct Columns {
     begin: [u8; COLUMNS + 1],
     row: [u8; COLUMNS * STATES],
     entry: [f64; COLUMNS * STATES],
+    /// A by rows.
+    rows: [Row; STATES],
+    /// A by columns.
+    columns: [Row; STATES],
+    /// B by rows.
+    input_rows: [[f64; INPUTS]; STATES],
+    /// B by columns.
+    input_columns: [Row; INPUTS],
 }
 
 impl Default for Columns {
     fn default() -> Self {
-        Self { begin: [0; COLUMNS + 1], row: [0; COLUMNS * STATES], entry: [0.0; COLUMNS * STATES] }
+        Self {
+            begin: [0; COLUMNS + 1],
+            row: [0; COLUMNS * STATES],
+            entry: [0.0; COLUMNS * STATES],
+            rows: [Row::default(); STATES],
+            columns: [Row::default(); STATES],
+            input_rows: [[0.0; INPUTS]; STATES],
+            input_columns: [Row::default(); INPUTS],
+        }
     }
 }
 
@@ -120,6 +137,16 @@ impl Columns {
             }
         }
         self.begin[COLUMNS] = count as u8;
+        self.input_rows = model.b;
+        for i in 0..STATES {
+            for j in 0..STATES {
+                self.rows[i][j] = model.a[i][j];
+                self.columns[j][i] = model.a[i][j];
+            }
+            for j in 0..INPUTS {
+                self.input_columns[j][i] = model.b[i][j];
+            }
+        }
     }
 
     #[inline(always)]
@@ -148,19 +175,23 @@ impl Columns {
         }
     }
 
+    /// Bᵀ M.
+    #[inline(never)]
+    fn input_transposed_times(&self, matrix: &[Row; STATES], out: &mut [Row; INPUTS]) {
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = self.combine(STATES + j, matrix);
+        }
+    }
+
     /// A x + B u.
     #[inline(always)]
     pub fn step(&self, x: &Row, u: &[f64; INPUTS]) -> Row {
         let mut next = Row::default();
-        for j in 0..STATES {
-            for (i, entry) in self.column(j) {
-                next[i] += entry * x[j];
-            }
-        }
         for j in 0..INPUTS {
-            for (i, entry) in self.column(STATES + j) {
-                next[i] += entry * u[j];
-            }
+            add(&mut next, u[j], &self.input_columns[j]);
+        }
+        for j in 0..STATES {
+            add(&mut next, x[j], &self.columns[j]);
         }
         next
     }
@@ -169,10 +200,8 @@ impl Columns {
     #[inline(always)]
     fn transposed_state(&self, p: &Row) -> Row {
         let mut out = Row::default();
-        for j in 0..STATES {
-            for (i, entry) in self.column(j) {
-                out[j] += entry * p[i];
-            }
+        for i in 0..STATES {
+            add(&mut out, p[i], &self.rows[i]);
         }
         out
     }
@@ -181,10 +210,8 @@ impl Columns {
     #[inline(always)]
     fn transposed_input(&self, p: &Row) -> [f64; INPUTS] {
         let mut out = [0.0; INPUTS];
-        for j in 0..INPUTS {
-            for (i, entry) in self.column(STATES + j) {
-                out[j] += entry * p[i];
-            }
+        for i in 0..STATES {
+            add(&mut out, p[i], &self.input_rows[i]);
         }
         out
     }
@@ -229,6 +256,15 @@ pub struct Slope {
     pub input: [f64; INPUTS],
 }
 
+/// Linear costs of one stage in its input and in the change of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InputSlope {
+    /// In the input.
+    pub input: [f64; INPUTS],
+    /// In the change.
+    pub change: [f64; INPUTS],
+}
+
 /// What the recursion keeps of one stage: u = `feed_forward` - `state` x + `change` v.
 #[derive(Clone, Debug, Default)]
 pub struct Policy {
@@ -250,10 +286,11 @@ impl Policy {
     pub fn factorise(&mut self, model: &Columns, after: &Value, cost: &StageCost) -> Option<()> {
         // P_xx B + P_xv, by rows of the state.
         let mut through = after.cross;
-        for c in 0..INPUTS {
-            let y = model.combine(STATES + c, &after.state);
-            for i in 0..STATES {
-                through[i][c] += y[i];
+        let mut turned = [Row::default(); INPUTS];
+        model.input_transposed_times(&after.state, &mut turned);
+        for i in 0..STATES {
+            for c in 0..INPUTS {
+                through[i][c] += turned[c][i];
             }
         }
         for c in 0..INPUTS {
@@ -269,21 +306,24 @@ impl Policy {
             }
         }
         let root = cholesky(&self.curvature, &cost.change)?;
+        // Gᵀ, then G.
+        let mut turned = [[0.0; INPUTS]; STATES];
         for j in 0..STATES {
-            let g = model.combine(j, &through);
-            for c in 0..INPUTS {
-                self.half[c][j] = g[c];
+            turned[j] = model.combine(j, &through);
+        }
+        let mut g = [Row::default(); INPUTS];
+        for c in 0..INPUTS {
+            for j in 0..STATES {
+                g[c][j] = turned[j][c];
             }
         }
-        forward(&root, &mut self.half);
-        self.state = self.half;
-        backward(&root, &mut self.state);
-        self.inverse = [[0.0; INPUTS]; INPUTS];
+        solve(&root, &g, &mut self.half, &mut self.state);
+        let mut identity = [[0.0; INPUTS]; INPUTS];
         for c in 0..INPUTS {
-            self.inverse[c][c] = 1.0;
+            identity[c][c] = 1.0;
         }
-        forward(&root, &mut self.inverse);
-        backward(&root, &mut self.inverse);
+        let mut half = identity;
+        solve(&root, &identity, &mut half, &mut self.inverse);
         for c in 0..INPUTS {
             for d in 0..INPUTS {
                 self.change[c][d] = self.inverse[c][d] * cost.change[d];
@@ -334,7 +374,8 @@ impl Policy {
         &mut self,
         model: &Columns,
         slope: &mut Slope,
-        linear: &StageCost,
+        state: &Row,
+        linear: &InputSlope,
         change_weight: &[f64; INPUTS],
     ) {
         let mut h = model.transposed_input(&slope.state);
@@ -342,8 +383,8 @@ impl Policy {
             h[c] += linear.input[c] + linear.change[c] + slope.input[c];
         }
         let mut before = model.transposed_state(&slope.state);
-        for i in 0..STATES {
-            before[i] += linear.state[i];
+        for i in 0..before.len() {
+            before[i] += state[i];
         }
         for c in 0..INPUTS {
             add(&mut before, -h[c], &self.state[c]);
@@ -380,15 +421,20 @@ impl Policy {
 
 /// Gradient of the cost in one input, the states and inputs after it taken as they are; carries the costate.
 #[inline(always)]
-pub fn input_gradient(model: &Columns, costate: &mut Slope, linear: &StageCost) -> [f64; INPUTS] {
+pub fn input_gradient(
+    model: &Columns,
+    costate: &mut Slope,
+    state: &Row,
+    linear: &InputSlope,
+) -> [f64; INPUTS] {
     let mut gradient = model.transposed_input(&costate.state);
     for c in 0..INPUTS {
         gradient[c] += linear.input[c] + linear.change[c] + costate.input[c];
         costate.input[c] = -linear.change[c];
     }
     costate.state = model.transposed_state(&costate.state);
-    for i in 0..STATES {
-        costate.state[i] += linear.state[i];
+    for i in 0..costate.state.len() {
+        costate.state[i] += state[i];
     }
     gradient
 }
@@ -436,26 +482,26 @@ fn cholesky(matrix: &[[f64; INPUTS]; INPUTS], more: &[f64; INPUTS]) -> Option<[[
     Some(l)
 }
 
-/// L⁻¹ times rows.
+/// L⁻¹ G and L⁻ᵀ L⁻¹ G, column by column: the loop runs along rows, several columns to a register.
 #[inline(always)]
-fn forward<const N: usize>(l: &[[f64; INPUTS]; INPUTS], rows: &mut [[f64; N]; INPUTS]) {
-    for i in 0..INPUTS {
-        let mut row = rows[i];
-        for k in 0..i {
-            add(&mut row, -l[i][k], &rows[k]);
-        }
-        rows[i] = row.map(|x| x * l[i][i]);
-    }
-}
-
-/// L⁻ᵀ times rows.
-#[inline(always)]
-fn backward<const N: usize>(l: &[[f64; INPUTS]; INPUTS], rows: &mut [[f64; N]; INPUTS]) {
-    for i in (0..INPUTS).rev() {
-        let mut row = rows[i];
-        for k in i + 1..INPUTS {
-            add(&mut row, -l[k][i], &rows[k]);
-        }
-        rows[i] = row.map(|x| x * l[i][i]);
+fn solve<const N: usize>(
+    l: &[[f64; INPUTS]; INPUTS],
+    g: &[[f64; N]; INPUTS],
+    half: &mut [[f64; N]; INPUTS],
+    full: &mut [[f64; N]; INPUTS],
+) {
+    let [half0, half1, half2, half3] = half;
+    let [full0, full1, full2, full3] = full;
+    for j in 0..N {
+        let z0 = g[0][j] * l[0][0];
+        let z1 = (g[1][j] - l[1][0] * z0) * l[1][1];
+        let z2 = (g[2][j] - l[2][0] * z0 - l[2][1] * z1) * l[2][2];
+        let z3 = (g[3][j] - l[3][0] * z0 - l[3][1] * z1 - l[3][2] * z2) * l[3][3];
+        let k3 = z3 * l[3][3];
+        let k2 = (z2 - l[3][2] * k3) * l[2][2];
+        let k1 = (z1 - l[3][1] * k3 - l[2][1] * k2) * l[1][1];
+        let k0 = (z0 - l[3][0] * k3 - l[2][0] * k2 - l[1][0] * k1) * l[0][0];
+        (half0[j], half1[j], half2[j], half3[j]) = (z0, z1, z2, z3);
+        (full0[j], full1[j], full2[j], full3[j]) = (k0, k1, k2, k3);
     }
 }
