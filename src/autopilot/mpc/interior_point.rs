@@ -11,7 +11,7 @@
 //! control, JOTA 99(3), 1998; starting point and step rules after G. Frison and M. Diehl, HPIPM, IFAC 2020.
 
 use super::problem::{INPUTS, InputLimits, MAX_STAGES, Problem, STATES, Solution, Status, TILT};
-use super::riccati::{Columns, Policy, Row, Slope, StageCost, Value, input_gradient};
+use super::riccati::{Columns, InputSlope, Policy, Row, Slope, StageCost, Value, input_gradient};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,11 +38,17 @@ const CHANGE_HIGH: usize = 3 * INPUTS;
 const TILT_HIGH: usize = 4 * INPUTS;
 const TILT_LOW: usize = TILT_HIGH + 2;
 const SLACK: usize = TILT_LOW + 2;
-/// Weight of the products at the start, and least slack there.
+/// Distance from the limits at the start: of the inputs, and of the slack of tilt from zero.
+const MARGIN: f64 = 0.1;
+/// Least slack at the start. Wide, since a point close to a limit has a long way to any other; inputs need not
+/// keep their limits on the way.
+const START_SLACK: f64 = 1.0;
+/// Slack times multiplier at the start: at least so much, and this share of the gradient that multipliers will have
+/// to balance. Too small a product leaves them too short, and every step of theirs ends at a limit.
 const START_PRODUCT: f64 = 10.0;
-const START_SLACK: f64 = 0.1;
+const START_SHARE: f64 = 0.03;
 /// Share of the step to the boundary.
-const SHARE: f64 = 0.995;
+const SHARE: f64 = 0.998;
 
 type Pairs = [f64; PAIRS];
 
@@ -67,8 +73,10 @@ struct Work {
     policy: Policy,
     at: Point,
     step: Point,
-    /// Gradient of the costs at the iterate: state at the beginning, input, change.
-    gradient: StageCost,
+    /// Gradient of the costs at the iterate, in the state at the beginning of the stage.
+    state_gradient: Row,
+    /// In input and change.
+    gradient: InputSlope,
     /// Weights of the factorised program.
     weight: StageCost,
     bound: Pairs,
@@ -79,6 +87,9 @@ struct Work {
     target: Pairs,
     slack_step: Pairs,
     multiplier_step: Pairs,
+    /// Of the tilt slack in the factorised program: reciprocal of its weight, and its change with the tilt.
+    flexibility: [f64; 2],
+    coupling: [f64; 2],
 }
 
 impl Default for Work {
@@ -88,7 +99,8 @@ impl Default for Work {
             policy: Policy::default(),
             at: Point::default(),
             step: Point::default(),
-            gradient: StageCost::default(),
+            state_gradient: Row::default(),
+            gradient: InputSlope::default(),
             weight: StageCost::default(),
             bound: [0.0; PAIRS],
             slack: [0.0; PAIRS],
@@ -98,6 +110,8 @@ impl Default for Work {
             target: [0.0; PAIRS],
             slack_step: [0.0; PAIRS],
             multiplier_step: [0.0; PAIRS],
+            flexibility: [0.0; 2],
+            coupling: [0.0; 2],
         }
     }
 }
@@ -177,7 +191,7 @@ fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
         w.columns.fill(&stage.model);
         let tilt = problem.tilt_after(k);
         for j in 0..INPUTS {
-            let margin = START_SLACK.min(0.25 * (limits.max[k][j] - limits.min[k][j]));
+            let margin = MARGIN.min(0.25 * (limits.max[k][j] - limits.min[k][j]));
             input[j] = input[j].clamp(limits.min[k][j] + margin, limits.max[k][j] - margin);
             w.bound[INPUT_LOW + j] = -limits.min[k][j];
             w.bound[INPUT_HIGH + j] = limits.max[k][j];
@@ -193,17 +207,23 @@ fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
             let x = state[TILT[i]];
             w.bound[TILT_HIGH + i] = tilt.max[i];
             w.bound[TILT_LOW + i] = -tilt.min[i];
-            w.at.slack[i] = (x - tilt.max[i]).max(tilt.min[i] - x).max(0.0) + START_SLACK;
+            w.at.slack[i] = (x - tilt.max[i]).max(tilt.min[i] - x).max(0.0) + MARGIN;
         }
     }
     let mut previous = limits.previous_input;
-    for w in work {
+    for w in work.iter_mut() {
         let left = rows(&w.at, &previous);
         for i in 0..PAIRS {
             w.slack[i] = (w.bound[i] - left[i]).max(START_SLACK);
-            w.multiplier[i] = START_PRODUCT / w.slack[i];
         }
+        w.multiplier = [0.0; PAIRS];
         previous = w.at.input;
+    }
+    let product = START_PRODUCT.max(START_SHARE * residuals(problem, limits, work).dual);
+    for w in work {
+        for i in 0..PAIRS {
+            w.multiplier[i] = product / w.slack[i];
+        }
     }
 }
 
@@ -227,18 +247,21 @@ fn rows(point: &Point, previous: &[f64; INPUTS]) -> Pairs {
     left
 }
 
-/// Adds aᵀ m to the linear terms of input and change.
+/// Gradient in input and change with the multipliers' aᵀ m.
 #[inline(always)]
-fn add_multipliers(linear: &mut StageCost, m: &Pairs) {
+fn with_multipliers(gradient: &InputSlope, m: &Pairs) -> InputSlope {
+    let mut sum = InputSlope::default();
     for j in 0..INPUTS {
-        linear.input[j] += m[INPUT_HIGH + j] - m[INPUT_LOW + j];
-        linear.change[j] += m[CHANGE_HIGH + j] - m[CHANGE_LOW + j];
+        sum.input[j] = gradient.input[j] + m[INPUT_HIGH + j] - m[INPUT_LOW + j];
+        sum.change[j] = gradient.change[j] + m[CHANGE_HIGH + j] - m[CHANGE_LOW + j];
     }
+    sum
 }
 
 /// Gradients and residuals at the iterate.
 fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Residuals {
-    let (mut primal, mut dual, mut gap, mut sum) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0);
+    let (mut primal, mut gap, mut sum) = ([0.0; PAIRS], [0.0; PAIRS], [0.0; PAIRS]);
+    let mut dual = 0.0;
     let mut previous = limits.previous_input;
     for (k, w) in work.iter_mut().enumerate() {
         let stage = &problem.stages[k];
@@ -247,9 +270,9 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
             w.residual[i] = left[i] + w.slack[i] - w.bound[i];
             w.reciprocal[i] = 1.0 / w.slack[i];
             let product = w.slack[i] * w.multiplier[i];
-            sum += product;
-            gap = gap.max(product);
-            primal = primal.max(w.residual[i].abs());
+            sum[i] += product;
+            gap[i] = greater(gap[i], product);
+            primal[i] = greater(primal[i], w.residual[i].abs());
         }
         for j in 0..INPUTS {
             w.gradient.input[j] = stage.input_weight[j] * (w.at.input[j] - stage.input_reference[j]);
@@ -259,14 +282,14 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
             let lambda = &w.multiplier;
             let gradient = problem.tilt_linear_cost + problem.tilt_quadratic_cost * w.at.slack[i]
                 - (lambda[TILT_HIGH + i] + lambda[TILT_LOW + i] + lambda[SLACK + i]);
-            dual = dual.max(gradient.abs());
+            dual = greater(dual, gradient.abs());
         }
         previous = w.at.input;
     }
     for k in 1..work.len() {
         let stage = &problem.stages[k];
         for i in 0..STATES {
-            work[k].gradient.state[i] =
+            work[k].state_gradient[i] =
                 stage.state_weight[i] * (work[k - 1].at.state[i] - stage.state_reference[i]);
         }
     }
@@ -276,15 +299,19 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
         for i in 0..2 {
             costate.state[TILT[i]] += w.multiplier[TILT_HIGH + i] - w.multiplier[TILT_LOW + i];
         }
-        let mut linear = w.gradient;
-        add_multipliers(&mut linear, &w.multiplier);
-        for g in input_gradient(&w.columns, &mut costate, &linear) {
-            dual = dual.max(g.abs());
+        let linear = with_multipliers(&w.gradient, &w.multiplier);
+        for g in input_gradient(&w.columns, &mut costate, &w.state_gradient, &linear) {
+            dual = greater(dual, g.abs());
         }
     }
     // Maxima pass over what is not a number; the sum does not.
-    let mean = sum / (PAIRS * work.len()) as f64;
-    Residuals { primal, dual: if mean.is_finite() { dual } else { mean }, gap, mean }
+    let mean = sum.iter().sum::<f64>() / (PAIRS * work.len()) as f64;
+    Residuals {
+        primal: greatest(&primal),
+        dual: if mean.is_finite() { dual } else { mean },
+        gap: greatest(&gap),
+        mean,
+    }
 }
 
 /// Gradient of the terminal cost.
@@ -301,91 +328,98 @@ fn terminal_slope(problem: &Problem, work: &[Work]) -> Slope {
 /// One step of Mehrotra's method.
 fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
     factorise(problem, work)?;
+    let terminal = terminal_slope(problem, work);
     for w in work.iter_mut() {
         w.target = [0.0; PAIRS];
     }
-    let terminal = terminal_slope(problem, work);
-    direction(problem, work, terminal);
-    let (primal, dual) = lengths(work);
-    let mut after = 0.0;
-    for w in work.iter() {
-        for i in 0..PAIRS {
-            after +=
-                (w.slack[i] + primal * w.slack_step[i]) * (w.multiplier[i] + dual * w.multiplier_step[i]);
-        }
-    }
-    let ratio = after / (mean * (PAIRS * work.len()) as f64);
-    let target = ratio * ratio * ratio * mean;
+    let affine = direction(problem, work, terminal);
+    // The mean product after the affine step, in which λ ds + s dλ = -s λ.
+    let count = (PAIRS * work.len()) as f64;
+    let (primal, dual) = (affine.primal, affine.dual);
+    let after = (1.0 - dual) * mean
+        + ((primal - dual) * affine.slack_products + primal * dual * affine.products) / count;
+    let ratio = (after / mean).max(0.0);
+    let target = ratio * ratio * mean;
     for w in work.iter_mut() {
         for i in 0..PAIRS {
             w.target[i] = target - w.slack_step[i] * w.multiplier_step[i];
         }
     }
-    direction(problem, work, terminal);
-    let (primal, dual) = lengths(work);
-    let both = (SHARE * primal).min(SHARE * dual).min(1.0);
-    let (primal, dual) = (both, both);
+    // One length for both: the gradient of a quadratic program falls with the shorter only.
+    let step = direction(problem, work, terminal);
+    let length = step.primal.min(step.dual);
     for w in work.iter_mut() {
         for i in 0..PAIRS {
-            w.slack[i] += primal * w.slack_step[i];
-            w.multiplier[i] += dual * w.multiplier_step[i];
+            w.slack[i] += length * w.slack_step[i];
+            w.multiplier[i] += length * w.multiplier_step[i];
         }
         for j in 0..INPUTS {
-            w.at.input[j] += primal * w.step.input[j];
+            w.at.input[j] += length * w.step.input[j];
         }
-        for i in 0..STATES {
-            w.at.state[i] += primal * w.step.state[i];
+        for i in 0..w.at.state.len() {
+            w.at.state[i] += length * w.step.state[i];
         }
         for i in 0..2 {
-            w.at.slack[i] += primal * w.step.slack[i];
+            w.at.slack[i] += length * w.step.slack[i];
         }
     }
     Some(())
-}
-
-/// Weights of the two limits and the slack of a tilt: curvature left for the state, coupling to the slack, curvature
-/// of the slack.
-#[inline(always)]
-fn tilt_weights(problem: &Problem, w: &Work, i: usize) -> (f64, f64, f64) {
-    let weight = |at: usize| w.multiplier[at + i] * w.reciprocal[at + i];
-    let (high, low) = (weight(TILT_HIGH), weight(TILT_LOW));
-    let rest = problem.tilt_quadratic_cost + weight(SLACK);
-    let slack = high + low + rest;
-    ((4.0 * high * low + (high + low) * rest) / slack, low - high, slack)
 }
 
 /// Riccati recursion with the weights of this iterate.
 fn factorise(problem: &Problem, work: &mut [Work]) -> Option<()> {
     let mut value = Value::default();
     for k in (0..work.len()).rev() {
-        // The state that this stage leads to: cost of the next stage, and its tilt limits.
+        let stage = &problem.stages[k];
+        let w = &mut work[k];
+        let mut weight = [0.0; PAIRS];
+        for i in 0..PAIRS {
+            weight[i] = w.multiplier[i] * w.reciprocal[i];
+        }
+        for j in 0..INPUTS {
+            w.weight.input[j] = stage.input_weight[j] + weight[INPUT_LOW + j] + weight[INPUT_HIGH + j];
+            w.weight.change[j] = stage.change_weight[j] + weight[CHANGE_LOW + j] + weight[CHANGE_HIGH + j];
+        }
+        // The state that this stage leads to: weights of the next stage, and tilt limits without their slack.
         let mut tilt = [0.0; STATES];
         for i in 0..2 {
-            tilt[TILT[i]] = tilt_weights(problem, &work[k], i).0;
+            let (high, low) = (weight[TILT_HIGH + i], weight[TILT_LOW + i]);
+            let rest = problem.tilt_quadratic_cost + weight[SLACK + i];
+            let curvature = high + low + rest;
+            w.flexibility[i] = 1.0 / curvature;
+            w.coupling[i] = (low - high) / curvature;
+            tilt[TILT[i]] = (4.0 * high * low + (high + low) * rest) / curvature;
         }
-        if k + 1 == work.len() {
-            value = Value::terminal(&problem.terminal, &tilt);
-        } else {
-            let next = &mut work[k + 1];
+        if let Some(next) = work.get_mut(k + 1) {
             next.weight.state = problem.stages[k + 1].state_weight;
             for i in TILT {
                 next.weight.state[i] += tilt[i];
             }
             next.policy.value_before(&next.columns, &mut value, &next.weight);
+        } else {
+            value = Value::terminal(&problem.terminal, &tilt);
         }
-        let (w, stage) = (&mut work[k], &problem.stages[k]);
-        for j in 0..INPUTS {
-            let weight = |at: usize| w.multiplier[at + j] * w.reciprocal[at + j];
-            w.weight.input[j] = stage.input_weight[j] + weight(INPUT_LOW) + weight(INPUT_HIGH);
-            w.weight.change[j] = stage.change_weight[j] + weight(CHANGE_LOW) + weight(CHANGE_HIGH);
-        }
+        let w = &mut work[k];
         w.policy.factorise(&w.columns, &value, &w.weight)?;
     }
     Some(())
 }
 
+/// What a step allows.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    /// Longest part of the step, at most one, that leaves slacks a share above zero.
+    primal: f64,
+    /// The same of the multipliers.
+    dual: f64,
+    /// Sum of slack step times multiplier.
+    slack_products: f64,
+    /// Sum of slack step times multiplier step.
+    products: f64,
+}
+
 /// Newton's step towards the targets of the products.
-fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) {
+fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) -> Reach {
     let mut slope = terminal;
     for w in work.iter_mut().rev() {
         // Multipliers that the step would leave, were z to stay.
@@ -394,48 +428,58 @@ fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) {
             m[i] = (w.multiplier[i] * w.residual[i] + w.target[i]) * w.reciprocal[i];
         }
         for i in 0..2 {
-            let (_, coupling, curvature) = tilt_weights(problem, w, i);
             let slack = problem.tilt_linear_cost + problem.tilt_quadratic_cost * w.at.slack[i]
                 - (m[TILT_HIGH + i] + m[TILT_LOW + i] + m[SLACK + i]);
-            slope.state[TILT[i]] += m[TILT_HIGH + i] - m[TILT_LOW + i] - coupling * slack / curvature;
-            w.step.slack[i] = -slack / curvature;
+            slope.state[TILT[i]] += m[TILT_HIGH + i] - m[TILT_LOW + i] - w.coupling[i] * slack;
+            w.step.slack[i] = -slack * w.flexibility[i];
         }
-        let mut linear = w.gradient;
-        add_multipliers(&mut linear, &m);
-        w.policy.slope_before(&w.columns, &mut slope, &linear, &w.weight.change);
+        let linear = with_multipliers(&w.gradient, &m);
+        w.policy.slope_before(&w.columns, &mut slope, &w.state_gradient, &linear, &w.weight.change);
     }
 
     let mut state = Row::default();
     let mut previous = [0.0; INPUTS];
+    let (mut primal, mut dual) = ([SHARE; PAIRS], [SHARE; PAIRS]);
+    let (mut slack_products, mut products) = ([0.0; PAIRS], [0.0; PAIRS]);
     for w in work {
         let input = w.policy.input(&state, &previous);
         state = w.columns.step(&state, &input);
         w.step.input = input;
         w.step.state = state;
         for i in 0..2 {
-            let (_, coupling, curvature) = tilt_weights(problem, w, i);
-            w.step.slack[i] -= coupling * state[TILT[i]] / curvature;
+            w.step.slack[i] -= w.coupling[i] * state[TILT[i]];
         }
         let left = rows(&w.step, &previous);
         for i in 0..PAIRS {
-            w.slack_step[i] = -w.residual[i] - left[i];
-            w.multiplier_step[i] =
-                (w.target[i] - w.multiplier[i] * w.slack_step[i]) * w.reciprocal[i] - w.multiplier[i];
+            let slack_step = -w.residual[i] - left[i];
+            let multiplier_step =
+                (w.target[i] - w.multiplier[i] * slack_step) * w.reciprocal[i] - w.multiplier[i];
+            w.slack_step[i] = slack_step;
+            w.multiplier_step[i] = multiplier_step;
+            products[i] += slack_step * multiplier_step;
+            slack_products[i] += slack_step * w.multiplier[i];
+            primal[i] = greater(primal[i], -slack_step * w.reciprocal[i]);
+            dual[i] = greater(dual[i], -multiplier_step / w.multiplier[i]);
         }
         previous = input;
     }
+    Reach {
+        primal: SHARE / greatest(&primal),
+        dual: SHARE / greatest(&dual),
+        slack_products: slack_products.iter().sum(),
+        products: products.iter().sum(),
+    }
 }
 
-/// Longest steps up to 1 / [`SHARE`] that keep slacks and multipliers from falling below zero.
-fn lengths(work: &[Work]) -> (f64, f64) {
-    let (mut primal, mut dual) = (SHARE, SHARE);
-    for w in work {
-        for i in 0..PAIRS {
-            primal = primal.max(-w.slack_step[i] * w.reciprocal[i]);
-            dual = dual.max(-w.multiplier_step[i] / w.multiplier[i]);
-        }
-    }
-    (1.0 / primal, 1.0 / dual)
+/// The greatest of values that are not negative.
+fn greatest(values: &Pairs) -> f64 {
+    values.iter().fold(0.0, |a, &b| greater(a, b))
+}
+
+/// The greater of two; the first where the second is not a number. One instruction, which `max` is not.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
 }
 
 /// The answer from the last iterate: inputs on the inside of their limits, states that follow from them.

@@ -89,17 +89,34 @@ pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
     None
 }
 
-/// The entries of [A B] that are not zero, column by column.
+/// A model laid out for the recursion. Products with matrices run over the entries of [A B] that are not zero,
+/// column by column; products with vectors are too short for that to pay.
 #[derive(Clone, Debug)]
 pub struct Columns {
     begin: [u8; COLUMNS + 1],
     row: [u8; COLUMNS * STATES],
     entry: [f64; COLUMNS * STATES],
+    /// A by rows.
+    rows: [Row; STATES],
+    /// A by columns.
+    columns: [Row; STATES],
+    /// B by rows.
+    input_rows: [[f64; INPUTS]; STATES],
+    /// B by columns.
+    input_columns: [Row; INPUTS],
 }
 
 impl Default for Columns {
     fn default() -> Self {
-        Self { begin: [0; COLUMNS + 1], row: [0; COLUMNS * STATES], entry: [0.0; COLUMNS * STATES] }
+        Self {
+            begin: [0; COLUMNS + 1],
+            row: [0; COLUMNS * STATES],
+            entry: [0.0; COLUMNS * STATES],
+            rows: [Row::default(); STATES],
+            columns: [Row::default(); STATES],
+            input_rows: [[0.0; INPUTS]; STATES],
+            input_columns: [Row::default(); INPUTS],
+        }
     }
 }
 
@@ -120,26 +137,61 @@ impl Columns {
             }
         }
         self.begin[COLUMNS] = count as u8;
+        self.input_rows = model.b;
+        for i in 0..STATES {
+            for j in 0..STATES {
+                self.rows[i][j] = model.a[i][j];
+                self.columns[j][i] = model.a[i][j];
+            }
+            for j in 0..INPUTS {
+                self.input_columns[j][i] = model.b[i][j];
+            }
+        }
     }
 
     #[inline(always)]
     fn column(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.begin[column] as usize..self.begin[column + 1] as usize;
         // The minimum tells the compiler that a row is in range.
-        self.row[range.clone()]
-            .iter()
-            .zip(&self.entry[range])
-            .map(|(&r, &e)| ((r as usize).min(STATES - 1), e))
+        let rows = self.row[range.clone()].iter().map(|&row| (row as usize).min(STATES - 1));
+        rows.zip(self.entry[range].iter().copied())
+    }
+
+    /// The rows of a matrix times the entries of one column, added up: a row of Aᵀ M or Bᵀ M.
+    #[inline(always)]
+    fn combine<const N: usize>(&self, column: usize, matrix: &[[f64; N]; STATES]) -> [f64; N] {
+        let mut sum = [0.0; N];
+        for (i, entry) in self.column(column) {
+            add(&mut sum, entry, &matrix[i]);
+        }
+        sum
+    }
+
+    /// Aᵀ M. Not inlined, so that each row of sums stays in registers.
+    #[inline(never)]
+    fn transposed_times(&self, matrix: &[Row; STATES], out: &mut [Row; STATES]) {
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = self.combine(j, matrix);
+        }
+    }
+
+    /// Bᵀ M.
+    #[inline(never)]
+    fn input_transposed_times(&self, matrix: &[Row; STATES], out: &mut [Row; INPUTS]) {
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = self.combine(STATES + j, matrix);
+        }
     }
 
     /// A x + B u.
     #[inline(always)]
     pub fn step(&self, x: &Row, u: &[f64; INPUTS]) -> Row {
         let mut next = Row::default();
-        for (j, &factor) in x[..STATES].iter().chain(u).enumerate() {
-            for (i, entry) in self.column(j) {
-                next[i] += entry * factor;
-            }
+        for j in 0..INPUTS {
+            add(&mut next, u[j], &self.input_columns[j]);
+        }
+        for j in 0..STATES {
+            add(&mut next, x[j], &self.columns[j]);
         }
         next
     }
@@ -148,8 +200,8 @@ impl Columns {
     #[inline(always)]
     fn transposed_state(&self, p: &Row) -> Row {
         let mut out = Row::default();
-        for (j, out) in out[..STATES].iter_mut().enumerate() {
-            *out = self.column(j).map(|(i, entry)| entry * p[i]).sum();
+        for i in 0..STATES {
+            add(&mut out, p[i], &self.rows[i]);
         }
         out
     }
@@ -157,7 +209,11 @@ impl Columns {
     /// Bᵀ p.
     #[inline(always)]
     fn transposed_input(&self, p: &Row) -> [f64; INPUTS] {
-        std::array::from_fn(|j| self.column(STATES + j).map(|(i, entry)| entry * p[i]).sum())
+        let mut out = [0.0; INPUTS];
+        for i in 0..STATES {
+            add(&mut out, p[i], &self.input_rows[i]);
+        }
+        out
     }
 }
 
@@ -200,110 +256,111 @@ pub struct Slope {
     pub input: [f64; INPUTS],
 }
 
+/// Linear costs of one stage in its input and in the change of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InputSlope {
+    /// In the input.
+    pub input: [f64; INPUTS],
+    /// In the change.
+    pub change: [f64; INPUTS],
+}
+
 /// What the recursion keeps of one stage: u = `feed_forward` - `state` x + `change` v.
 #[derive(Clone, Debug, Default)]
 pub struct Policy {
-    /// Lower triangle L of M + S = L Lᵀ, with reciprocals on the diagonal.
-    root: [[f64; INPUTS]; INPUTS],
-    /// L⁻¹ G.
-    half: [Row; INPUTS],
     /// (M + S)⁻¹ G.
     state: [Row; INPUTS],
     /// (M + S)⁻¹ S.
     change: [[f64; INPUTS]; INPUTS],
+    /// (M + S)⁻¹.
+    inverse: [[f64; INPUTS]; INPUTS],
+    feed_forward: [f64; INPUTS],
     /// M.
     curvature: [[f64; INPUTS]; INPUTS],
-    feed_forward: [f64; INPUTS],
+    /// L⁻¹ G, with L the lower root of M + S.
+    half: [Row; INPUTS],
 }
 
 impl Policy {
     /// Best answer of one stage to a state, given the value after it. `None`: M + S is not positive definite.
-    #[inline]
     pub fn factorise(&mut self, model: &Columns, after: &Value, cost: &StageCost) -> Option<()> {
-        // P_xx B + P_xv, by columns.
-        let mut y = [Row::default(); INPUTS];
-        for (c, y) in y.iter_mut().enumerate() {
-            for (i, b) in model.column(STATES + c) {
-                add(y, b, &after.state[i]);
-            }
-        }
-        let mut by_state = [[0.0; INPUTS]; STATES];
-        for (i, row) in by_state.iter_mut().enumerate() {
+        // P_xx B + P_xv, by rows of the state.
+        let mut through = after.cross;
+        let mut turned = [Row::default(); INPUTS];
+        model.input_transposed_times(&after.state, &mut turned);
+        for i in 0..STATES {
             for c in 0..INPUTS {
-                row[c] = y[c][i] + after.cross[i][c];
+                through[i][c] += turned[c][i];
             }
         }
-        let mut m = after.input;
         for c in 0..INPUTS {
-            m[c][c] += cost.input[c];
-            let mut column = [0.0; INPUTS];
-            for (i, b) in model.column(STATES + c) {
-                for d in 0..INPUTS {
-                    column[d] += b * by_state[i][d];
-                    m[d][c] += b * after.cross[i][d];
-                }
-            }
+            let mut row = after.input[c];
+            row[c] += cost.input[c];
+            add(&mut row, 1.0, &model.combine(STATES + c, &through));
+            self.curvature[c] = row;
+        }
+        for c in 0..INPUTS {
+            let column = model.combine(STATES + c, &after.cross);
             for d in 0..INPUTS {
-                m[c][d] += column[d];
+                self.curvature[d][c] += column[d];
             }
         }
-        self.curvature = m;
-        self.root = cholesky(&m, &cost.change)?;
+        let root = cholesky(&self.curvature, &cost.change)?;
+        // Gᵀ, then G.
+        let mut turned = [[0.0; INPUTS]; STATES];
         for j in 0..STATES {
-            let mut g = [0.0; INPUTS];
-            for (i, a) in model.column(j) {
-                for c in 0..INPUTS {
-                    g[c] += a * by_state[i][c];
-                }
-            }
-            for c in 0..INPUTS {
-                self.half[c][j] = g[c];
-            }
+            turned[j] = model.combine(j, &through);
         }
-        forward(&self.root, &mut self.half);
-        self.state = self.half;
-        backward(&self.root, &mut self.state);
-        self.change = [[0.0; INPUTS]; INPUTS];
+        let mut g = [Row::default(); INPUTS];
         for c in 0..INPUTS {
-            self.change[c][c] = cost.change[c];
+            for j in 0..STATES {
+                g[c][j] = turned[j][c];
+            }
         }
-        forward(&self.root, &mut self.change);
-        backward(&self.root, &mut self.change);
+        solve(&root, &g, &mut self.half, &mut self.state);
+        let mut identity = [[0.0; INPUTS]; INPUTS];
+        for c in 0..INPUTS {
+            identity[c][c] = 1.0;
+        }
+        let mut half = identity;
+        solve(&root, &identity, &mut half, &mut self.inverse);
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                self.change[c][d] = self.inverse[c][d] * cost.change[d];
+            }
+        }
         Some(())
     }
 
     /// Carries the value from after the stage to before it, once the stage is factorised.
-    #[inline]
     pub fn value_before(&self, model: &Columns, value: &mut Value, cost: &StageCost) {
-        let mut w = [Row::default(); STATES];
-        for (j, w) in w.iter_mut().enumerate() {
-            for (i, a) in model.column(j) {
-                add(w, a, &value.state[i]);
-            }
-        }
+        let mut product = [Row::default(); STATES];
+        model.transposed_times(&value.state, &mut product);
         let mut turned = [Row::default(); STATES];
         for i in 0..STATES {
             for j in 0..STATES {
-                turned[i][j] = w[j][i];
+                turned[i][j] = product[j][i];
             }
         }
+        model.transposed_times(&turned, &mut value.state);
         for j in 0..STATES {
-            let mut f = Row::default();
-            for (i, a) in model.column(j) {
-                add(&mut f, a, &turned[i]);
-            }
+            let row = &mut value.state[j];
             for half in &self.half {
-                add(&mut f, -half[j], half);
+                add(row, -half[j], half);
             }
-            f[j] += cost.state[j];
-            value.state[j] = f;
+            row[j] += cost.state[j];
+        }
+        for i in 0..STATES {
             for c in 0..INPUTS {
-                value.cross[j][c] = self.state[c][j] * cost.change[c];
+                value.cross[i][c] = self.state[c][i] * cost.change[c];
             }
         }
-        let mut share = self.curvature;
-        forward(&self.root, &mut share);
-        backward(&self.root, &mut share);
+        let mut share = [[0.0; INPUTS]; INPUTS];
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                add(&mut share[c], self.inverse[c][d], &self.curvature[d]);
+            }
+        }
         for c in 0..INPUTS {
             for d in 0..INPUTS {
                 value.input[c][d] = 0.5 * (cost.change[c] * share[c][d] + cost.change[d] * share[d][c]);
@@ -311,13 +368,14 @@ impl Policy {
         }
     }
 
-    /// Carries the slope from after the stage to before it. Costs: linear terms in state, input and change.
-    #[inline]
+    /// Carries the slope from after the stage to before it, given the linear costs and the weights of change.
+    #[inline(always)]
     pub fn slope_before(
         &mut self,
         model: &Columns,
         slope: &mut Slope,
-        linear: &StageCost,
+        state: &Row,
+        linear: &InputSlope,
         change_weight: &[f64; INPUTS],
     ) {
         let mut h = model.transposed_input(&slope.state);
@@ -325,29 +383,34 @@ impl Policy {
             h[c] += linear.input[c] + linear.change[c] + slope.input[c];
         }
         let mut before = model.transposed_state(&slope.state);
+        for i in 0..before.len() {
+            before[i] += state[i];
+        }
         for c in 0..INPUTS {
             add(&mut before, -h[c], &self.state[c]);
         }
-        for i in 0..STATES {
-            before[i] += linear.state[i];
-        }
         slope.state = before;
-        let mut d = h.map(|h| [-h]);
-        forward(&self.root, &mut d);
-        backward(&self.root, &mut d);
+        // Symmetric: rows are columns.
+        self.feed_forward = [0.0; INPUTS];
         for c in 0..INPUTS {
-            self.feed_forward[c] = d[c][0];
-            slope.input[c] = -linear.change[c] - change_weight[c] * d[c][0];
+            add(&mut self.feed_forward, -h[c], &self.inverse[c]);
+        }
+        for c in 0..INPUTS {
+            slope.input[c] = -linear.change[c] - change_weight[c] * self.feed_forward[c];
         }
     }
 
     /// The input of the stage.
-    #[inline]
+    #[inline(always)]
     pub fn input(&self, x: &Row, v: &[f64; INPUTS]) -> [f64; INPUTS] {
-        std::array::from_fn(|c| {
-            let change: f64 = self.change[c].iter().zip(v).map(|(k, v)| k * v).sum();
-            self.feed_forward[c] + change - sum_of_products(&self.state[c], x)
-        })
+        let mut u = self.feed_forward;
+        for c in 0..INPUTS {
+            for d in 0..INPUTS {
+                u[c] += self.change[c][d] * v[d];
+            }
+            u[c] -= sum_of_products(&self.state[c], x);
+        }
+        u
     }
 
     /// du/dx.
@@ -357,24 +420,29 @@ impl Policy {
 }
 
 /// Gradient of the cost in one input, the states and inputs after it taken as they are; carries the costate.
-#[inline]
-pub fn input_gradient(model: &Columns, costate: &mut Slope, linear: &StageCost) -> [f64; INPUTS] {
-    let through = model.transposed_input(&costate.state);
-    let gradient =
-        std::array::from_fn(|c| through[c] + linear.input[c] + linear.change[c] + costate.input[c]);
-    let mut before = model.transposed_state(&costate.state);
-    for i in 0..STATES {
-        before[i] += linear.state[i];
+#[inline(always)]
+pub fn input_gradient(
+    model: &Columns,
+    costate: &mut Slope,
+    state: &Row,
+    linear: &InputSlope,
+) -> [f64; INPUTS] {
+    let mut gradient = model.transposed_input(&costate.state);
+    for c in 0..INPUTS {
+        gradient[c] += linear.input[c] + linear.change[c] + costate.input[c];
+        costate.input[c] = -linear.change[c];
     }
-    costate.state = before;
-    costate.input = linear.change.map(|x| -x);
+    costate.state = model.transposed_state(&costate.state);
+    for i in 0..costate.state.len() {
+        costate.state[i] += state[i];
+    }
     gradient
 }
 
 #[inline(always)]
 fn add<const N: usize>(to: &mut [f64; N], factor: f64, row: &[f64; N]) {
-    for (to, x) in to.iter_mut().zip(row) {
-        *to += factor * x;
+    for i in 0..N {
+        to[i] += factor * row[i];
     }
 }
 
@@ -414,26 +482,26 @@ fn cholesky(matrix: &[[f64; INPUTS]; INPUTS], more: &[f64; INPUTS]) -> Option<[[
     Some(l)
 }
 
-/// L⁻¹ times rows.
+/// L⁻¹ G and L⁻ᵀ L⁻¹ G, column by column: the loop runs along rows, several columns to a register.
 #[inline(always)]
-fn forward<const N: usize>(l: &[[f64; INPUTS]; INPUTS], rows: &mut [[f64; N]; INPUTS]) {
-    for i in 0..INPUTS {
-        let mut row = rows[i];
-        for k in 0..i {
-            add(&mut row, -l[i][k], &rows[k]);
-        }
-        rows[i] = row.map(|x| x * l[i][i]);
-    }
-}
-
-/// L⁻ᵀ times rows.
-#[inline(always)]
-fn backward<const N: usize>(l: &[[f64; INPUTS]; INPUTS], rows: &mut [[f64; N]; INPUTS]) {
-    for i in (0..INPUTS).rev() {
-        let mut row = rows[i];
-        for k in i + 1..INPUTS {
-            add(&mut row, -l[k][i], &rows[k]);
-        }
-        rows[i] = row.map(|x| x * l[i][i]);
+fn solve<const N: usize>(
+    l: &[[f64; INPUTS]; INPUTS],
+    g: &[[f64; N]; INPUTS],
+    half: &mut [[f64; N]; INPUTS],
+    full: &mut [[f64; N]; INPUTS],
+) {
+    let [half0, half1, half2, half3] = half;
+    let [full0, full1, full2, full3] = full;
+    for j in 0..N {
+        let z0 = g[0][j] * l[0][0];
+        let z1 = (g[1][j] - l[1][0] * z0) * l[1][1];
+        let z2 = (g[2][j] - l[2][0] * z0 - l[2][1] * z1) * l[2][2];
+        let z3 = (g[3][j] - l[3][0] * z0 - l[3][1] * z1 - l[3][2] * z2) * l[3][3];
+        let k3 = z3 * l[3][3];
+        let k2 = (z2 - l[3][2] * k3) * l[2][2];
+        let k1 = (z1 - l[3][1] * k3 - l[2][1] * k2) * l[1][1];
+        let k0 = (z0 - l[3][0] * k3 - l[2][0] * k2 - l[1][0] * k1) * l[0][0];
+        (half0[j], half1[j], half2[j], half3[j]) = (z0, z1, z2, z3);
+        (full0[j], full1[j], full2[j], full3[j]) = (k0, k1, k2, k3);
     }
 }
