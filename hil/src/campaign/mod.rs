@@ -4,6 +4,7 @@
 //! campaign and seed alone, so rows are the same bits whoever flies them, in whatever order, on however many
 //! machines. Rows are written as flights end, in order, so that an interrupted campaign goes on where it stopped.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -130,11 +131,13 @@ impl Campaign {
         self.file.seed.wrapping_add(run)
     }
 
-    /// What defines the flights, beside the program: equal hashes, equal rows. How many there are, and how they
-    /// are described, does not count.
+    /// What defines the flights, beside the program: equal hashes, equal rows. How many there are, how many must
+    /// succeed, and how they are described, does not count.
     pub fn hash(&self) -> String {
         let mut hash = Fnv::default();
-        let file = CampaignFile { runs: 0, description: String::new(), ..self.file.clone() };
+        let mut file = CampaignFile { runs: 0, description: String::new(), ..self.file.clone() };
+        (file.success.min_rate, file.success.max_failures) = (0.0, None);
+        file.dispersion.iter_mut().for_each(|entry| entry.source.clear());
         hash.add(&serde_json::to_vec(&file).unwrap_or_default());
         for configuration in &self.configurations {
             hash.add(configuration.name.as_bytes());
@@ -144,10 +147,14 @@ impl Campaign {
         hash.hex()
     }
 
-    /// Draws for one seed and puts the values in place.
+    /// What flies in truth under one configuration and seed, and the values that were put in place, `KEY=VALUE`.
     ///
     /// # Errors
     /// When a drawn value is one that no such vehicle or flight can have.
+    pub fn dispersed(&self, configuration: usize, seed: u32) -> Result<(Scenario, Vec<String>), InputError> {
+        self.scenario(&self.configurations[configuration], seed, &self.draws(seed))
+    }
+
     fn scenario(
         &self,
         configuration: &Configuration,
@@ -192,16 +199,13 @@ impl Campaign {
         error
     }
 
-    /// Draws for every slot, and flies none.
+    /// Draws for many, and flies none.
     ///
     /// # Errors
     /// The first, in order, of a value that no such vehicle or flight can have.
-    pub fn check_draws(&self, slots: &[Slot]) -> Result<(), InputError> {
-        for slot in slots {
-            let seed = self.seed(slot.run);
-            self.scenario(&self.configurations[slot.configuration], seed, &self.draws(seed))?;
-        }
-        Ok(())
+    pub fn check_draws(&self, slots: &[Slot], jobs: usize) -> Result<(), InputError> {
+        let draw = |slot: Slot| self.dispersed(slot.configuration, self.seed(slot.run)).map(|_| ());
+        in_order(slots, jobs, draw, |()| Ok(()))
     }
 
     fn draws(&self, seed: u32) -> Vec<Vec<f64>> {
@@ -232,63 +236,53 @@ impl Campaign {
     ///
     /// # Errors
     /// The first, in order, of a flight that cannot be; or what `each` says.
-    pub fn fly_all(
-        &self,
-        slots: &[Slot],
-        jobs: usize,
-        mut each: impl FnMut(Row) -> Result<()>,
-    ) -> Result<()> {
-        let next = AtomicUsize::new(0);
-        let (send, receive) = mpsc::channel();
-        std::thread::scope(|threads| {
-            for _ in 0..jobs.clamp(1, slots.len().max(1)) {
-                let (next, send) = (&next, send.clone());
-                threads.spawn(move || {
-                    while let Some(slot) = slots.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        let flown = self.fly(slot.configuration, self.seed(slot.run));
-                        if send.send((*slot, flown.map(|flown| flown.row))).is_err() {
-                            return;
-                        }
-                    }
-                });
-            }
-            drop(send);
-            let in_order = InOrder { receive, waiting: Default::default() };
-            let result = in_order.take(slots, &mut each);
-            // Whatever ended it, nobody begins another flight.
-            next.store(slots.len(), Ordering::Relaxed);
-            result
-        })
+    pub fn fly_all(&self, slots: &[Slot], jobs: usize, each: impl FnMut(Row) -> Result<()>) -> Result<()> {
+        in_order(
+            slots,
+            jobs,
+            |slot| Ok(self.fly(slot.configuration, self.seed(slot.run)).map(|flown| flown.row)?),
+            each,
+        )
     }
 }
 
-type Judged = Result<Row, InputError>;
-
-/// Rows come as flights end; they leave in the order of their slots.
-struct InOrder {
-    receive: mpsc::Receiver<(Slot, Judged)>,
-    waiting: std::collections::BTreeMap<Slot, Judged>,
-}
-
-impl InOrder {
-    fn take(mut self, slots: &[Slot], each: &mut impl FnMut(Row) -> Result<()>) -> Result<()> {
-        for slot in slots {
-            let row = loop {
-                if let Some(row) = self.waiting.remove(slot) {
-                    break row;
-                }
-                match self.receive.recv() {
-                    Ok((slot, row)) => {
-                        self.waiting.insert(slot, row);
+/// Works on many, `jobs` at a time; `each` sees the results in order, as they come. The first failure, in order,
+/// ends it.
+fn in_order<T: Send, E: Send>(
+    slots: &[Slot],
+    jobs: usize,
+    work: impl Fn(Slot) -> Result<T, E> + Sync,
+    mut each: impl FnMut(T) -> Result<(), E>,
+) -> Result<(), E> {
+    let next = AtomicUsize::new(0);
+    let (send, receive) = mpsc::channel();
+    std::thread::scope(|threads| {
+        for _ in 0..jobs.clamp(1, slots.len().max(1)) {
+            let (next, work, send) = (&next, &work, send.clone());
+            threads.spawn(move || {
+                while let Some(slot) = slots.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if send.send((*slot, work(*slot))).is_err() {
+                        return;
                     }
-                    // A flight that panicked; the scope passes it on.
-                    Err(_) => return Ok(()),
                 }
-            };
-            each(row?)?;
+            });
         }
-        Ok(())
-    }
+        drop(send);
+        // Done before others that come first.
+        let mut early = BTreeMap::new();
+        let mut take = |slot: &Slot| {
+            while !early.contains_key(slot) {
+                // Without a sender a worker has panicked, which the scope passes on.
+                let Ok((slot, result)) = receive.recv() else { return Ok(()) };
+                early.insert(slot, result);
+            }
+            early.remove(slot).map_or(Ok(()), |result| each(result?))
+        };
+        let result = slots.iter().try_for_each(&mut take);
+        // Whatever ended it, nobody begins another.
+        next.store(slots.len(), Ordering::Relaxed);
+        result
+    })
 }
 
 /// 64-bit FNV-1a.

@@ -107,16 +107,15 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
     chart.draw_series([
         EmptyElement::at((limit, top)) + Text::new(format!("limit {limit}"), (px(-8), px(6)), label)
     ])?;
-    for (share, name) in [(0.5, "median"), (0.99, "99 %")] {
+    // One below the other, where they are close.
+    for (share, name, height) in [(0.5, "median", 0.94), (0.99, "99 %", 0.88)] {
         let Some(x) = quantile(&values, share).filter(|x| *x < end) else { continue };
         let stroke = LINE.stroke_width(SCALE as u32);
-        chart.draw_series(LineSeries::new([(x, 0.0), (x, 0.94 * top)], stroke))?;
-        // Above one another where they are close.
-        let dy = if share == 0.5 { px(2) } else { px(20) };
+        chart.draw_series(LineSeries::new([(x, 0.0), (x, height * top)], stroke))?;
         let label = letters(14, &LINE).pos(Pos::new(HPos::Left, VPos::Top));
-        chart.draw_series([
-            EmptyElement::at((x, 0.94 * top)) + Text::new(format!("{name} {x:.3}"), (px(6), dy), label)
-        ])?;
+        chart
+            .draw_series([EmptyElement::at((x, height * top))
+                + Text::new(format!("{name} {x:.3}"), (px(6), px(2)), label)])?;
     }
     Ok(())
 }

@@ -53,7 +53,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     let mut folder = match &common.out {
         Some(path) => CampaignFolder::open(path, &campaign)?,
-        None => CampaignFolder::open(&RunFolder::for_run_of(&campaign.name)?.path(), &campaign)?,
+        None => CampaignFolder::open(RunFolder::for_run_of(&campaign.name)?.path(), &campaign)?,
     };
     let slots = share(campaign.slots(), args.shard);
     if args.merge.is_empty() {
@@ -93,7 +93,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     Ok(ExitCode::from(if result.passed == Some(false) { UNEXPECTED } else { DONE }))
 }
 
-fn cores() -> usize {
+/// Cores that this program may use.
+pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
@@ -111,6 +112,8 @@ fn fly(campaign: &Campaign, slots: &[Slot], jobs: usize, folder: &mut CampaignFo
     if missing.len() < slots.len() {
         live.notice(format!("{} of {} flights are there already", slots.len() - missing.len(), slots.len()));
     }
+    // A value that cannot be is said now, not after hours.
+    campaign.check_draws(&missing, jobs)?;
     let start = Instant::now();
     let (mut flown, mut failed) = (0, 0);
     let mut slot = missing.iter();

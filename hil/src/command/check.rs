@@ -80,7 +80,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             let mut campaign = Campaign::open(&args.file, &common.set)?;
             campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
             // Every draw of every flight, so that none is refused later.
-            campaign.check_draws(&campaign.slots())?;
+            campaign.check_draws(&campaign.slots(), super::campaign::cores())?;
             campaign.configurations.remove(0).nominal.vehicle
         }
     };
