@@ -170,7 +170,8 @@ fn variants_meet_on_the_same_seeds() {
     assert!(failures["replay"].as_str().unwrap().contains("--only 1 --variant hard"));
     let comparison = &summary["comparisons"][0];
     assert_eq!((&comparison["only_first"], &comparison["only_second"]), (&3.into(), &0.into()));
-    assert!((comparison["mcnemar_p"].as_f64().unwrap() - 0.25).abs() < 1e-15);
+    // The binomial law comes from an incomplete beta function, good to 1e-13.
+    assert!((comparison["mcnemar_p"].as_f64().unwrap() - 0.25).abs() < 1e-12);
     let faster = &comparison["median_difference"]["touchdown_vertical_speed_m_s"]["value"];
     assert!((0.4..0.8).contains(&faster.as_f64().unwrap()), "{faster}");
     for picture in ["touchdown_soft.svg", "position_hard.svg"] {

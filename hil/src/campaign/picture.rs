@@ -112,10 +112,12 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         let Some(x) = quantile(&values, share).filter(|x| *x < end) else { continue };
         let stroke = LINE.stroke_width(SCALE as u32);
         chart.draw_series(LineSeries::new([(x, 0.0), (x, height * top)], stroke))?;
-        let label = letters(14, &LINE).pos(Pos::new(HPos::Left, VPos::Top));
-        chart
-            .draw_series([EmptyElement::at((x, height * top))
-                + Text::new(format!("{name} {x:.3}"), (px(6), px(2)), label)])?;
+        // Inside the panel.
+        let (side, dx) = if x > 0.75 * end { (HPos::Right, px(-6)) } else { (HPos::Left, px(6)) };
+        let label = letters(14, &LINE).pos(Pos::new(side, VPos::Top));
+        chart.draw_series([
+            EmptyElement::at((x, height * top)) + Text::new(format!("{name} {x:.3}"), (dx, px(2)), label)
+        ])?;
     }
     Ok(())
 }
