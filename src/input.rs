@@ -79,6 +79,7 @@ impl fmt::Display for InputError {
 impl std::error::Error for InputError {}
 
 /// A TOML file with the overrides of the command line applied.
+#[derive(Clone)]
 pub struct Document {
     file: String,
     text: String,
@@ -87,6 +88,7 @@ pub struct Document {
 }
 
 /// A value that the command line replaced.
+#[derive(Clone)]
 struct Override {
     /// Dotted path in this document.
     key: String,
@@ -144,12 +146,20 @@ impl Document {
         key: &str,
         toml_value: &str,
     ) -> Result<(), InputError> {
+        let value = parse_value(toml_value).map_err(|message| InputError {
+            file: place.to_owned(),
+            faults: vec![Fault { line: None, key: given.to_owned(), message }],
+        })?;
+        self.put(place, given, key, value)
+    }
+
+    /// The same for a value that is not text.
+    pub fn put(&mut self, place: &str, given: &str, key: &str, value: Value) -> Result<(), InputError> {
         let fault = |message: String| InputError {
             file: place.to_owned(),
             faults: vec![Fault { line: None, key: given.to_owned(), message }],
         };
         let replaced = Override { key: key.to_owned(), given: format!("{place} {given}") };
-        let value = parse_value(toml_value).map_err(&fault)?;
         let mut at = &mut self.value;
         let mut parts = key.split('.').peekable();
         while let Some(part) = parts.next() {

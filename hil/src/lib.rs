@@ -18,10 +18,14 @@ pub mod stream;
 
 // The run.
 pub mod bench;
+pub mod drawing;
 pub mod live;
 pub mod pilot;
 pub mod report;
 pub mod throttle_map;
+
+// Many runs.
+pub mod campaign;
 
 // The program.
 pub mod command;

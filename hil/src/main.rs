@@ -20,6 +20,7 @@ enum Command {
     Hil(command::hil::Args),
     Fly(command::fly::Args),
     Autopilot(command::autopilot::Args),
+    Campaign(command::campaign::Args),
     Engine(command::engine::Args),
     Check(command::check::Args),
 }
@@ -41,6 +42,7 @@ fn main() -> ExitCode {
         Some(Command::Hil(args)) => command::hil::run(args, common),
         Some(Command::Fly(args)) => command::fly::run(args, common),
         Some(Command::Autopilot(args)) => command::autopilot::run(args, common),
+        Some(Command::Campaign(args)) => command::campaign::run(args, common),
         Some(Command::Engine(args)) => command::engine::run(args, common),
         Some(Command::Check(args)) => command::check::run(args, common),
     };

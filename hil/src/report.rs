@@ -31,6 +31,11 @@ impl RunFolder {
         Self::create(&Path::new("runs").join(format!("{scenario}-{seconds}-{}", std::process::id())))
     }
 
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
     /// Leaves a file in the folder.
     ///
     /// # Errors
@@ -81,6 +86,11 @@ pub fn summary(report: &Report) -> String {
             "hover          {:.1} s, height {:.3} m RMS, sideways {:.3} m RMS",
             h.duration_s, h.altitude_rms_m, h.lateral_rms_m
         ));
+        if let (Some(altitude), Some(lateral)) = (h.altitude_control_rms_m, h.lateral_control_rms_m) {
+            line(format!(
+                "               control error: height {altitude:.3} m RMS, sideways {lateral:.3} m RMS"
+            ));
+        }
     }
     let p = &report.propellant;
     let vapor = match p.nitrous_vapor_kg {

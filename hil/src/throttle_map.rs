@@ -6,13 +6,14 @@
 //! fully open valve gives the point at that limit, marked; a mixture ratio outside the propulsion map has the
 //! map's end, marked.
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use hopbench::propulsion::{EngineCondition, FeedMap, Guess, Inverse, NozzleFlow, OperatingPoint};
 use hopbench::vehicle::Vehicle;
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
+
+use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, GRID, INK, LINE, SCALE, letters, px, svg};
 
 /// One steady point, keys as in the manual.
 #[derive(Clone, Debug, Serialize)]
@@ -187,19 +188,10 @@ impl ThrottleMap {
 
     /// The picture, as SVG text: six panels over the throttle.
     pub fn svg(&self) -> Result<String> {
-        let mut text = String::new();
-        {
-            let root = SVGBackend::with_string(&mut text, (px(SIZE.0) as u32, px(SIZE.1) as u32))
-                .into_drawing_area();
-            self.draw(&root).map_err(|e| anyhow!("cannot draw the throttle map: {e}"))?;
-        }
-        // The view box stays; the picture's own size is that of the page.
-        let fine = format!("width=\"{}\" height=\"{}\"", px(SIZE.0), px(SIZE.1));
-        Ok(text.replacen(&fine, &format!("width=\"{}\" height=\"{}\"", SIZE.0, SIZE.1), 1))
+        svg(SIZE, |root| self.draw(root))
     }
 
     fn draw(&self, root: &Area<'_>) -> Drawn {
-        root.fill(&WHITE)?;
         let (head, rest) = root.split_vertically(px(HEAD));
         let (panels, foot) = rest.split_vertically(px(SIZE.1 - HEAD - FOOT));
         self.draw_head(&head)?;
@@ -327,35 +319,14 @@ impl ThrottleMap {
 }
 
 type Belongs = fn(&Demanded) -> bool;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
 /// Size of the picture and of its parts (pixels).
 const SIZE: (i32, i32) = (1200, 1080);
 const HEAD: i32 = 84;
 const FOOT: i32 = 40;
-const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
-const INK: RGBColor = RGBColor(34, 40, 49);
-const FAINT: RGBColor = RGBColor(110, 118, 128);
-const GRID: RGBColor = RGBColor(222, 226, 231);
-const LINE: RGBColor = RGBColor(0, 90, 156);
-const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
 const CLAMPED: RGBColor = RGBColor(230, 145, 20);
 const BELOW: RGBColor = RGBColor(240, 241, 243);
 const ABOVE: RGBColor = RGBColor(251, 229, 225);
-
-/// The backend places everything on whole units: so many of them make a pixel.
-const SCALE: i32 = 8;
-
-/// Units of so many pixels.
-fn px(pixels: i32) -> i32 {
-    SCALE * pixels
-}
-
-/// Letters of a height in pixels.
-fn letters(height: i32, color: &RGBColor) -> TextStyle<'static> {
-    (FONT, px(height)).into_font().color(color)
-}
 
 /// What one panel shows.
 struct Panel {

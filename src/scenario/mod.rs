@@ -1,7 +1,11 @@
 //! A flight as data: which vehicle, where it starts, what is asked of it and what is expected.
 
+mod campaign;
+mod dispersion;
 mod schedule;
 
+pub use campaign::{CampaignFile, Success, Variant};
+pub use dispersion::{Dispersion, Distribution, Mode};
 pub use schedule::{Schedule, ScheduleError};
 
 use schemars::JsonSchema;

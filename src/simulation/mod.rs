@@ -3,6 +3,9 @@
 //! [`Flight`] is stepped by its owner: [`fly`] does it as fast as possible with the autopilot or a
 //! schedule at the controls, the bench does it beside a link with whoever sits at the other end. The
 //! built-in autopilot sees every measurement from the first on, so that it can take over at any time.
+//!
+//! In a campaign the vehicle that flies is not the one of the data sheet: [`Flight::dispersed`] gives the plant
+//! what was drawn, and the autopilot what [`outfit::nominal`] made of the scenario as written.
 
 pub mod outfit;
 mod referee;
@@ -11,8 +14,8 @@ pub mod report;
 pub use referee::{Circumstances, Referee, Rules};
 pub use report::{Event, FlownBy, Report, Source};
 
-use crate::autopilot::Autopilot;
 use crate::autopilot::abort::{Abort, AbortKind};
+use crate::autopilot::{Autopilot, Estimate, Parameters};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::plant::{Plant, Snapshot};
@@ -60,6 +63,15 @@ pub struct Instrumentation {
     pub gnss_delay_s: Option<f64>,
 }
 
+/// First contact against the target, north and east (m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchdownOffset {
+    /// In truth.
+    pub true_m: [f64; 2],
+    /// By the estimate of the autopilot that flew; `None` when an outside one did.
+    pub estimated_m: Option<[f64; 2]>,
+}
+
 impl Flight {
     /// Sets the vehicle up for step 0.
     ///
@@ -74,8 +86,33 @@ impl Flight {
     /// # Errors
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
-        let step = SimTime::from_s(scenario.file.physics.step_s);
         let plant = Plant::seeded(scenario, seed)?;
+        let parameters = outfit::autopilot(scenario, plant.environment(), instruments);
+        if scenario.schedule.is_none() {
+            outfit::throttle_band(&scenario.vehicle, plant.environment())?;
+            parameters.validate()?;
+        }
+        Self::assemble(scenario, seed, instruments, plant, parameters)
+    }
+
+    /// A flight of what is in truth `actual` under an autopilot that was told something else: the parameters
+    /// that [`outfit::nominal`] gives for the scenario before its values were dispersed.
+    ///
+    /// # Errors
+    /// When vehicle, site and scenario contradict each other.
+    pub fn dispersed(actual: &Scenario, seed: u32, told: &Parameters) -> Result<Self, Invalid> {
+        let plant = Plant::seeded(actual, seed)?;
+        Self::assemble(actual, seed, &Instrumentation::default(), plant, told.clone())
+    }
+
+    fn assemble(
+        scenario: &Scenario,
+        seed: u32,
+        instruments: &Instrumentation,
+        plant: Plant,
+        told: Parameters,
+    ) -> Result<Self, Invalid> {
+        let step = SimTime::from_s(scenario.file.physics.step_s);
         let snapshot = *plant.snapshot();
         let mut parameters = scenario.vehicle.sensors.clone();
         if let Some(rate_hz) = instruments.imu_rate_hz {
@@ -98,14 +135,9 @@ impl Flight {
         let target = Vec3::new(scenario.target_north_east_m()[0], scenario.target_north_east_m()[1], 0.0);
         let stroke_m = scenario.vehicle.landing_gear.stroke_m;
         let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
-        let parameters = outfit::autopilot(scenario, plant.environment(), instruments);
         let scheduled = scenario.schedule.is_some();
-        if !scheduled {
-            outfit::throttle_band(&scenario.vehicle, plant.environment())?;
-            parameters.validate()?;
-        }
         Ok(Self {
-            autopilot: Autopilot::new(parameters),
+            autopilot: Autopilot::new(told),
             referee: Referee::new(Rules {
                 target_ned_m: target,
                 stroke_m,
@@ -167,6 +199,7 @@ impl Flight {
                 throttle: self.plant.throttle_on(command),
                 mission_s: self.plant.mission_s(),
                 hover_reference_ned_m: self.hover_reference(),
+                hover_control_error_ned_m: self.hover_control_error(),
                 dt_s: self.step.s(),
             },
         );
@@ -188,6 +221,13 @@ impl Flight {
                 self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m);
             self.in_pad_frame(reference)
         })
+    }
+
+    /// How far the flight's own autopilot believes to be off the reference of its hover, at every measurement.
+    fn hover_control_error(&self) -> Option<Vec3> {
+        let own = self.source == Source::Autopilot && !self.flown_elsewhere;
+        (own && self.phase == Some("hover") && self.measurement.is_some())
+            .then(|| self.autopilot.estimate().position_ned_m - self.autopilot.reference().position_ned_m)
     }
 
     /// A position in the autopilot's frame, whose origin is the start, in the frame of the pad.
@@ -255,6 +295,11 @@ impl Flight {
     /// The built-in autopilot.
     pub fn autopilot(&mut self) -> &mut Autopilot {
         &mut self.autopilot
+    }
+
+    /// What the built-in autopilot believes.
+    pub fn estimate(&self) -> Estimate {
+        self.autopilot.estimate()
     }
 
     /// Lets the built-in autopilot fly: what it commands on the newest measurement. Its phases and aborts
@@ -335,6 +380,23 @@ impl Flight {
     /// Position that an autopilot at the other end of a link wants to hold; `None`: the flight's own flies.
     pub fn set_reference_elsewhere(&mut self, position_ned_m: Option<Vec3>) {
         self.reference_elsewhere_ned_m = position_ned_m;
+    }
+
+    /// Where the pivot was at first contact against the target, north and east (m): in truth, and by the
+    /// estimate of the autopilot that flew.
+    pub fn touchdown_offset_m(&self) -> Option<TouchdownOffset> {
+        let [north, east] = self.scenario.target_north_east_m();
+        let off = |p: Vec3| [p.x - north, p.y - east];
+        let truth = off(self.true_at_touchdown()?);
+        Some(TouchdownOffset {
+            true_m: truth,
+            estimated_m: self.estimate_at_touchdown.map(|e| off(self.in_pad_frame(e))),
+        })
+    }
+
+    /// Greatest tilt between lift-off and first contact (deg).
+    pub fn peak_tilt_deg(&self) -> Option<f64> {
+        self.referee.peak_tilt_rad.map(f64::to_degrees)
     }
 
     /// Whether first contact has been seen.
@@ -426,22 +488,29 @@ impl Flight {
 ///
 /// # Errors
 /// As [`Flight::new`].
-pub fn fly(scenario: &Scenario, seed: u32, mut each_step: impl FnMut(&Snapshot)) -> Result<Flight, Invalid> {
+pub fn fly(scenario: &Scenario, seed: u32, each_step: impl FnMut(&Snapshot)) -> Result<Flight, Invalid> {
     let mut flight = Flight::new(scenario, seed)?;
+    fly_out(&mut flight, each_step);
+    Ok(flight)
+}
+
+/// The same for a flight that is already set up.
+pub fn fly_out(flight: &mut Flight, mut each_step: impl FnMut(&Snapshot)) {
     each_step(flight.snapshot());
-    let file = &scenario.file;
+    let file = &flight.scenario.file;
     let end = file.duration_s.map(SimTime::from_s);
     // A flight that nothing ever lights has no mission time; this ends it all the same.
     let patience = SimTime::from_s(file.timeout_s + file.mission.alignment_s + file.mission.ready_s);
-    flight.set_source(if scenario.schedule.is_some() { Source::Commands } else { Source::Autopilot });
+    let schedule = flight.scenario.schedule.clone();
+    flight.set_source(if schedule.is_some() { Source::Commands } else { Source::Autopilot });
     let mut command = ActuatorCommand::SAFE;
     while flight.outcome().is_none() {
-        if let Some(schedule) = &scenario.schedule {
+        if let Some(schedule) = &schedule {
             command = *schedule.at(flight.time());
         }
         flight.step(&command);
         each_step(flight.snapshot());
-        if scenario.schedule.is_none()
+        if schedule.is_none()
             && let Some(next) = flight.autopilot_command()
         {
             command = next;
@@ -452,7 +521,6 @@ pub fn fly(scenario: &Scenario, seed: u32, mut each_step: impl FnMut(&Snapshot))
             flight.end(Outcome::Timeout);
         }
     }
-    Ok(flight)
 }
 
 /// 64-bit FNV-1a over the bits of every number of a state.

@@ -27,6 +27,18 @@ use super::Instrumentation;
 const THRUST_NODES: usize = 24;
 const RADIUS_NODES: usize = 8;
 
+/// What the autopilot of a whole campaign is told: the parameters for the scenario as written, checked.
+///
+/// # Errors
+/// When vehicle, site and scenario contradict each other.
+pub fn nominal(scenario: &Scenario) -> Result<Parameters, Invalid> {
+    let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(scenario.file.seed))?;
+    throttle_band(&scenario.vehicle, &environment)?;
+    let parameters = autopilot(scenario, &environment, &Instrumentation::default());
+    parameters.validate()?;
+    Ok(parameters)
+}
+
 /// Parameters of the autopilot for a scenario's vehicle, site and mission.
 pub fn autopilot(
     scenario: &Scenario,

@@ -46,6 +46,7 @@ pub struct Referee {
     rules: Rules,
     pub(super) max_altitude_m: f64,
     pub(super) liftoff_s: Option<f64>,
+    pub(super) peak_tilt_rad: Option<f64>,
     airborne: bool,
     pub(super) touchdown: Option<Touchdown>,
     touchdown_ned_m: Option<Vec3>,
@@ -57,10 +58,31 @@ pub struct Referee {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct HoverSums {
+    truth: Squares,
+    control: Squares,
+    duration_s: f64,
+}
+
+/// Sums of squares of a position's error.
+#[derive(Clone, Copy, Debug, Default)]
+struct Squares {
     samples: f64,
     altitude_m2: f64,
     lateral_m2: f64,
-    duration_s: f64,
+}
+
+impl Squares {
+    fn add(&mut self, off: Vec3) {
+        self.samples += 1.0;
+        self.altitude_m2 += off.z * off.z;
+        self.lateral_m2 += off.x * off.x + off.y * off.y;
+    }
+
+    /// Root mean squares of height and horizontal distance (m), once there is a sample.
+    fn rms_m(&self) -> Option<[f64; 2]> {
+        (self.samples > 0.0)
+            .then(|| [(self.altitude_m2 / self.samples).sqrt(), (self.lateral_m2 / self.samples).sqrt()])
+    }
 }
 
 /// What the referee is told beside the truth.
@@ -76,6 +98,8 @@ pub struct Circumstances {
     pub mission_s: Option<f64>,
     /// Reference of the hover phase, NED of the pivot, while in it.
     pub hover_reference_ned_m: Option<Vec3>,
+    /// The flying autopilot's estimate less its reference in the hover phase (m), when it has a new one.
+    pub hover_control_error_ned_m: Option<Vec3>,
     /// Time of this step (s).
     pub dt_s: f64,
 }
@@ -96,6 +120,7 @@ impl Referee {
             rules,
             max_altitude_m: 0.0,
             liftoff_s: None,
+            peak_tilt_rad: None,
             airborne: false,
             touchdown: None,
             touchdown_ned_m: None,
@@ -113,10 +138,15 @@ impl Referee {
 
     /// The hover phase, if there was one.
     pub fn hover(&self) -> Option<Hover> {
-        self.hover.filter(|h| h.samples > 0.0).map(|h| Hover {
-            duration_s: h.duration_s,
-            altitude_rms_m: (h.altitude_m2 / h.samples).sqrt(),
-            lateral_rms_m: (h.lateral_m2 / h.samples).sqrt(),
+        let sums = self.hover?;
+        let [altitude_rms_m, lateral_rms_m] = sums.truth.rms_m()?;
+        let control = sums.control.rms_m();
+        Some(Hover {
+            duration_s: sums.duration_s,
+            altitude_rms_m,
+            lateral_rms_m,
+            altitude_control_rms_m: control.map(|[altitude_m, _]| altitude_m),
+            lateral_control_rms_m: control.map(|[_, lateral_m]| lateral_m),
         })
     }
 
@@ -136,12 +166,12 @@ impl Referee {
         let time_s = now.time.s();
         self.max_altitude_m = self.max_altitude_m.max(now.height_m);
         if let Some(reference) = is.hover_reference_ned_m {
-            let off = now.position_ned_m - reference;
             let sums = self.hover.get_or_insert_default();
-            sums.samples += 1.0;
-            sums.altitude_m2 += off.z * off.z;
-            sums.lateral_m2 += off.x * off.x + off.y * off.y;
+            sums.truth.add(now.position_ned_m - reference);
             sums.duration_s += is.dt_s;
+            if let Some(off) = is.hover_control_error_ned_m {
+                sums.control.add(off);
+            }
         }
         if self.rules.has_ground {
             seen = self.watch_ground(now, is, time_s);
@@ -175,6 +205,9 @@ impl Referee {
         if self.liftoff_s.is_none() && !on_ground {
             self.liftoff_s = Some(time_s);
             seen.liftoff = true;
+        }
+        if self.liftoff_s.is_some() && self.touchdown.is_none() && !on_ground {
+            self.peak_tilt_rad = Some(self.peak_tilt_rad.unwrap_or(0.0).max(now.tilt_rad()));
         }
         self.airborne |= self.liftoff_s.is_some() && now.height_m > AIRBORNE_M;
         if self.airborne && on_ground && self.touchdown.is_none() {

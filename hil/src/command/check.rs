@@ -7,18 +7,19 @@ use anyhow::Result;
 use hopbench::input::{Fault, InputError};
 use hopbench::plant::signs;
 use hopbench::propulsion::ValveMapCheck;
-use hopbench::scenario::ScenarioFile;
+use hopbench::scenario::{CampaignFile, ScenarioFile};
 use hopbench::simulation::Flight;
 use hopbench::vehicle::VehicleFile;
 use serde_json::json;
 
 use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use crate::campaign::Campaign;
 use crate::load::{self, Kind};
 
-/// Validate any scenario or vehicle file
+/// Validate any scenario, vehicle or campaign file
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scenario or vehicle file
+    /// Scenario, vehicle or campaign file
     pub file: PathBuf,
     /// Print and compute the table of signs from the plant itself
     #[arg(long, conflicts_with_all = ["explain", "schema"])]
@@ -38,6 +39,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let schema = match kind {
         Kind::Vehicle => schemars::schema_for!(VehicleFile),
         Kind::Scenario => schemars::schema_for!(ScenarioFile),
+        Kind::Campaign => schemars::schema_for!(CampaignFile),
     };
     if args.schema {
         print_json(&schema)?;
@@ -74,6 +76,13 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             Flight::new(&scenario, seed).map_err(|fault| load::contradiction(&args.file, fault))?;
             scenario.vehicle
         }
+        Kind::Campaign => {
+            let mut campaign = Campaign::open(&args.file, &common.set)?;
+            campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
+            // Every draw of every flight, so that none is refused later.
+            campaign.check_draws(&campaign.slots(), super::campaign::cores())?;
+            campaign.configurations.remove(0).nominal.vehicle
+        }
     };
     if args.signs {
         let table = signs::table(&vehicle).map_err(|fault| load::contradiction(&args.file, fault))?;
@@ -105,7 +114,11 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         }
         return Ok(ExitCode::from(if agrees { DONE } else { UNEXPECTED }));
     }
-    let what = if kind == Kind::Vehicle { "vehicle" } else { "scenario" };
+    let what = match kind {
+        Kind::Vehicle => "vehicle",
+        Kind::Scenario => "scenario",
+        Kind::Campaign => "campaign",
+    };
     let map = (kind == Kind::Vehicle).then(|| vehicle.engine.valve_area().check());
     if common.json {
         print_json(&json!({ "file": args.file, "kind": what, "valid": true, "valve_map": map }))?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 pub mod autopilot;
+pub mod campaign;
 pub mod check;
 pub mod engine;
 pub mod fly;

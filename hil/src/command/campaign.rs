@@ -1,0 +1,174 @@
+//! `hopbench campaign`: dispersed flights, and what their number proves.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::Result;
+use hopbench::input::{Fault, InputError};
+
+use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use crate::campaign::folder::{CampaignFolder, Shard, merged};
+use crate::campaign::summary::{Summary, share};
+use crate::campaign::{Campaign, Slot, picture};
+use crate::live::Live;
+use crate::report::{RunFolder, summary};
+
+/// Fly a scenario many times with values drawn anew; statistics with confidence bounds
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Campaign file
+    pub campaign: PathBuf,
+    /// Flights of each variant; replaces the file's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub runs: Option<u32>,
+    /// Flights at once; as many as there are cores if absent. The result does not depend on it
+    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Fly share I of N, counted from 1, to be merged later
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Shard>,
+    /// Fly nothing: put the flights of these folders together in --out, and judge them
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "shard")]
+    pub merge: Vec<PathBuf>,
+    /// Fly the flight of this seed alone, the same bits as in the campaign, and print its full report
+    #[arg(long, value_name = "SEED", conflicts_with_all = ["runs", "jobs", "shard", "merge"])]
+    pub only: Option<u32>,
+    /// With --only: the variant that flies; the first if absent
+    #[arg(long, value_name = "NAME", requires = "only")]
+    pub variant: Option<String>,
+}
+
+/// Runs the command. A campaign that was interrupted goes on where it stopped when it gets the same --out.
+pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    let mut campaign = Campaign::open(&args.campaign, &common.set)?;
+    campaign.file.runs = args.runs.unwrap_or(campaign.file.runs);
+    campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
+    if campaign.file.seed.checked_add(campaign.file.runs).is_none() {
+        let message = format!("{} leaves no seeds for {} runs", campaign.file.seed, campaign.file.runs);
+        return Err(wrong("--seed", message).into());
+    }
+    if let Some(seed) = args.only {
+        return fly_one(&campaign, seed, args, common);
+    }
+    let mut folder = match &common.out {
+        Some(path) => CampaignFolder::open(path, &campaign)?,
+        None => CampaignFolder::open(RunFolder::for_run_of(&campaign.name)?.path(), &campaign)?,
+    };
+    let slots = share(campaign.slots(), args.shard);
+    if args.merge.is_empty() {
+        let jobs = args.jobs.map_or_else(cores, usize::from);
+        fly(&campaign, &slots, jobs, &mut folder)?;
+    } else {
+        for (slot, row) in merged(&campaign, &args.merge)? {
+            if !folder.has(slot) {
+                folder.add(slot, row)?;
+            }
+        }
+    }
+    folder.settle()?;
+    let rows = folder.rows(&slots);
+    let mut result = Summary::new(&campaign, &rows, args.shard, &common.set);
+    folder.leave("summary.json", &(serde_json::to_string_pretty(&result)? + "\n"))?;
+    for configuration in &campaign.configurations {
+        let name = &configuration.name;
+        let own: Vec<_> = rows.iter().copied().filter(|row| row.variant == *name).collect();
+        let title = if campaign.file.variant.is_empty() {
+            campaign.name.clone()
+        } else {
+            format!("{}, {name}", campaign.name)
+        };
+        folder.leave(
+            &format!("touchdown_{name}.svg"),
+            &picture::touchdown(&title, &own, &campaign.file.success)?,
+        )?;
+        folder.leave(&format!("position_{name}.svg"), &picture::position(&title, &own)?)?;
+    }
+    result.run = Some(folder.path().display().to_string());
+    if common.json {
+        print_json(&result)?;
+    } else {
+        print_text(&result.text())?;
+    }
+    Ok(ExitCode::from(if result.passed == Some(false) { UNEXPECTED } else { DONE }))
+}
+
+/// Cores that this program may use.
+pub(super) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+fn wrong(key: &str, message: String) -> InputError {
+    InputError {
+        file: "command line".to_owned(),
+        faults: vec![Fault { line: None, key: key.to_owned(), message }],
+    }
+}
+
+/// Flies what the folder lacks.
+fn fly(campaign: &Campaign, slots: &[Slot], jobs: usize, folder: &mut CampaignFolder) -> Result<()> {
+    let missing: Vec<Slot> = slots.iter().copied().filter(|slot| !folder.has(*slot)).collect();
+    let mut live = Live::stderr();
+    if missing.len() < slots.len() {
+        live.notice(format!("{} of {} flights are there already", slots.len() - missing.len(), slots.len()));
+    }
+    // A value that cannot be is said now, not after hours.
+    campaign.check_draws(&missing, jobs)?;
+    let start = Instant::now();
+    let (mut flown, mut failed) = (0, 0);
+    let mut slot = missing.iter();
+    campaign.fly_all(&missing, jobs, |row| {
+        flown += 1;
+        failed += usize::from(!row.success);
+        if let Some(slot) = slot.next() {
+            folder.add(*slot, row)?;
+        }
+        let elapsed_s = start.elapsed().as_secs_f64();
+        live.show(start.elapsed().as_nanos() as u64, || {
+            let rate_hz = flown as f64 / elapsed_s;
+            let to_go_s = (missing.len() - flown) as f64 / rate_hz;
+            format!(
+                "{}: {flown} of {} flights, {failed} failed, {rate_hz:.1} flights/s, {:.0} min {:02.0} s to go",
+                campaign.name,
+                missing.len(),
+                (to_go_s / 60.0).floor(),
+                (to_go_s % 60.0).floor()
+            )
+        });
+        Ok(())
+    })?;
+    let elapsed_s = start.elapsed().as_secs_f64();
+    if flown > 0 {
+        let rate_hz = flown as f64 / elapsed_s;
+        live.notice(format!("{flown} flights in {elapsed_s:.1} s, {rate_hz:.1} flights/s, {jobs} at once"));
+    }
+    Ok(())
+}
+
+/// Flies one flight of a campaign and prints its report.
+fn fly_one(campaign: &Campaign, seed: u32, args: &Args, common: &Common) -> Result<ExitCode> {
+    let Some(configuration) = campaign.configuration(args.variant.as_deref()) else {
+        let names: Vec<&str> = campaign.configurations.iter().map(|c| c.name.as_str()).collect();
+        let name = args.variant.as_deref().unwrap_or_default();
+        return Err(
+            wrong("--variant", format!("\"{name}\" is not allowed; one of {}", names.join(", "))).into()
+        );
+    };
+    let folder = common.out.as_deref().map(RunFolder::create).transpose()?;
+    let start = Instant::now();
+    let mut report = campaign.fly(configuration, seed)?.report;
+    report.timing.wall_s = start.elapsed().as_secs_f64();
+    report.timing.realtime_factor = report.timing.simulated_s / report.timing.wall_s;
+    let drawn = report.overrides.clone();
+    report.overrides = common.set.iter().cloned().chain(drawn).collect();
+    if let Some(folder) = &folder {
+        folder.write(&mut report)?;
+    }
+    if common.json {
+        print_json(&report)?;
+    } else {
+        let values: String = report.overrides.iter().map(|pair| format!("set            {pair}\n")).collect();
+        print_text(&(values + &summary(&report)))?;
+    }
+    Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
+}

@@ -1,0 +1,53 @@
+//! What the pictures share: letters, colours, and the way from a drawing to SVG text.
+
+use anyhow::{Result, anyhow};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+/// A part of a picture.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// What drawing gives.
+pub type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+
+/// Letters and points.
+pub const INK: RGBColor = RGBColor(34, 40, 49);
+/// Less important letters, axes.
+pub const FAINT: RGBColor = RGBColor(110, 118, 128);
+/// Grid.
+pub const GRID: RGBColor = RGBColor(222, 226, 231);
+/// What is shown.
+pub const LINE: RGBColor = RGBColor(0, 90, 156);
+/// A limit, and what lies beyond.
+pub const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
+
+const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
+
+/// The backend places everything on whole units: so many of them make a pixel.
+pub const SCALE: i32 = 8;
+
+/// Units of so many pixels.
+pub fn px(pixels: i32) -> i32 {
+    SCALE * pixels
+}
+
+/// Letters of a height in pixels.
+pub fn letters(height: i32, color: &RGBColor) -> TextStyle<'static> {
+    (FONT, px(height)).into_font().color(color)
+}
+
+/// A picture of a size in pixels, as SVG text.
+///
+/// # Errors
+/// When it cannot be drawn.
+pub fn svg(size: (i32, i32), draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String> {
+    let mut text = String::new();
+    {
+        let root =
+            SVGBackend::with_string(&mut text, (px(size.0) as u32, px(size.1) as u32)).into_drawing_area();
+        root.fill(&WHITE)?;
+        draw(&root).map_err(|e| anyhow!("cannot draw: {e}"))?;
+    }
+    // The view box stays; the picture's own size is that of the page.
+    let fine = format!("width=\"{}\" height=\"{}\"", px(size.0), px(size.1));
+    Ok(text.replacen(&fine, &format!("width=\"{}\" height=\"{}\"", size.0, size.1), 1))
+}
