@@ -22,6 +22,7 @@ pub mod guidance;
 pub mod navigation;
 pub mod phase;
 pub mod propellant;
+pub mod roll;
 pub mod trajectory;
 
 use crate::frame::{Vec3, heading_rad, tilt_rad};
@@ -140,6 +141,8 @@ pub struct Estimate {
     pub thrust_n: f64,
     /// Thrust over the thrust commanded, learnt in flight.
     pub thrust_trim: f64,
+    /// Nitrogen that the roll thrusters have used (kg).
+    pub nitrogen_rcs_kg: f64,
     /// Refused measurements and resets.
     pub health: NavigationHealth,
 }
@@ -278,7 +281,7 @@ impl Autopilot {
         }
         self.generator = ReferenceGenerator::moving(rest, &self.under_way());
         self.controller = Controller::resume(self.held_torque_xy_n_m, self.drag_ne_m_s2.map(|a| -a));
-        self.allocation = Allocation::resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
+        self.allocation = self.allocation.resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
         self.sequence.enter(phase, elapsed_s);
     }
 
@@ -349,6 +352,7 @@ impl Autopilot {
             fuel_used_kg: self.propellant.fuel_used_kg,
             thrust_n: self.propellant.thrust_n(),
             thrust_trim: self.propellant.trim,
+            nitrogen_rcs_kg: self.allocation.nitrogen_rcs_kg(&self.parameters.actuators),
             health: self.navigation.health(),
         }
     }
@@ -374,6 +378,9 @@ impl Autopilot {
 
         let lit = self.chamber_pa.map(|p| p >= 0.5 * self.parameters.sequence.lit_pressure_pa);
         let demand_n = if self.command.armed { self.demand_n() } else { 0.0 };
+        if self.command.armed {
+            self.allocation.count(&self.parameters.actuators, self.command.rcs_roll, dt_s);
+        }
         self.propellant.step(&self.parameters.propellant, &self.parameters.thrust_map, demand_n, lit, dt_s);
         if self.parameters.mission.mass_knowledge == MassKnowledge::Liftoff {
             self.propellant.mass_kg = self.parameters.propellant.full.mass_kg;
@@ -479,7 +486,7 @@ impl Autopilot {
             let heading = heading_rad(&self.navigation.q_ned_from_body());
             self.generator = ReferenceGenerator::at_rest(self.parameters.navigation.rest_ned_m, heading);
             self.controller = Controller::default();
-            self.allocation = Allocation::default();
+            self.allocation = self.allocation.resume(0.0, 0.0);
         }
     }
 
@@ -557,7 +564,7 @@ impl Autopilot {
             actuators,
             demand.torque_body_n_m,
             self.propellant.thrust_n(),
-            -mass.com_body_m.z,
+            mass.com_body_m,
             dt_s,
         );
         self.integrate.saturated = allocated.saturated;
@@ -581,10 +588,13 @@ impl Autopilot {
             self.hovered_s += dt_s;
         }
         let share = dt_s / SHADOW_TIME_S;
-        let moment_n_m = self.propellant.thrust_n() * -mass.com_body_m.z;
+        let thrust_n = self.propellant.thrust_n();
+        let moment_n_m = thrust_n * -mass.com_body_m.z;
+        let offset_n_m = allocation::thrust_line_torque_n_m(thrust_n, mass.com_body_m);
         let gimbal = [self.command.gimbal_x_rad, self.command.gimbal_y_rad];
-        for (held, angle) in self.held_torque_xy_n_m.iter_mut().zip(gimbal) {
-            *held += (moment_n_m * libm::sin(angle) - *held) * share;
+        for (i, angle) in gimbal.into_iter().enumerate() {
+            let held = &mut self.held_torque_xy_n_m[i];
+            *held += (moment_n_m * libm::sin(angle) + offset_n_m[i] - *held) * share;
         }
         // Sideways specific force is what the air does: thrust is along the long axis.
         let mut across = self.navigation.specific_force_body_m_s2();
