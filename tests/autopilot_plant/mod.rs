@@ -343,6 +343,10 @@ impl Plant {
         self.sensors.gyro_bias
     }
 
+    pub fn accelerometer_bias(&self) -> Vec3 {
+        self.sensors.accel_bias
+    }
+
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * STEP_S
     }
