@@ -3,7 +3,7 @@
 //!     cargo bench -p hopbench --bench step
 //!
 //! Rounds of 8 s of the open-loop reference run a and of the whole hop; the yardstick is 3.3 us a step. Beside
-//! them, in the same run, one evaluation and the integrator alone.
+//! them, in the same run, one evaluation and the integrator alone, and the navigation filter.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
@@ -13,8 +13,12 @@ mod files;
 use std::hint::black_box;
 use std::time::Instant;
 
+use hopbench::autopilot::navigation::{Navigation, Standing};
+use hopbench::environment::Environment;
 use hopbench::integrator::rk4_step;
 use hopbench::plant::Plant;
+use hopbench::signal::Measurement;
+use hopbench::simulation::{Flight, Instrumentation, outfit};
 
 const STEPS: u32 = 8_000;
 const ROUNDS: usize = 9;
@@ -70,4 +74,30 @@ fn main() {
             plant.step(command);
         }
     });
+    // The filter on what the sensors of that hop say: a prediction every 4 ms, updates as they come.
+    let mut flight = Flight::new(&hop, 1).expect("the hop is sound");
+    let measurements: Vec<Measurement> = commands
+        .iter()
+        .filter_map(|command| {
+            flight.step(command);
+            flight.measurement().cloned()
+        })
+        .collect();
+    let environment = Environment::new(&hop.site, &hop.file.wind, 1).expect("the hop is sound");
+    let told = outfit::autopilot(&hop, &environment, &Instrumentation::default()).navigation;
+    report(
+        "navigation, prediction and updates",
+        measurements.len(),
+        || Navigation::new(told.clone()),
+        |mut filter| {
+            for measurement in &measurements {
+                if filter.is_aligned() {
+                    filter.step(black_box(measurement), Standing::No);
+                } else {
+                    filter.align(measurement, 3.0);
+                }
+            }
+            black_box(filter);
+        },
+    );
 }

@@ -1,5 +1,6 @@
 //! Allocation: thrust and torque into valve, gimbal and thruster commands, by plain tables and geometry.
 
+use super::roll::{Roll, RollThrusters};
 use crate::frame::Vec3;
 use crate::signal::Throttle;
 
@@ -108,10 +109,8 @@ pub struct ActuatorParameters {
     pub gimbal_limit_rad: f64,
     /// Gimbal rate limit per axis (rad/s).
     pub gimbal_rate_limit_rad_s: f64,
-    /// Moment of one roll thruster pair (N m).
-    pub rcs_torque_n_m: f64,
-    /// Roll commands under this share of full are not sent.
-    pub rcs_dead_band: f64,
+    /// Roll thrusters.
+    pub roll: RollThrusters,
     /// Language of the throttle.
     pub throttle_output: ThrottleOutput,
 }
@@ -125,6 +124,7 @@ const GIMBAL_RATE_AUTHORITY: f64 = 0.7;
 pub struct Allocation {
     gimbal_x_rad: f64,
     gimbal_y_rad: f64,
+    roll: Roll,
 }
 
 /// Outcome of one allocation.
@@ -136,26 +136,31 @@ pub struct Allocated {
     pub gimbal_y_rad: f64,
     /// Roll command, -1..1.
     pub rcs_roll: f64,
+    /// Torque about the COM that these angles give, axes x and y (N m): what a controller that predicts starts from.
+    pub torque_xy_n_m: [f64; 2],
     /// The gimbal could not give the torque asked for, per axis x, y: integrators hold.
     pub saturated: [bool; 2],
 }
 
 impl Allocation {
     /// Continues from the gimbal angles somebody else commanded.
-    pub const fn resume(gimbal_x_rad: f64, gimbal_y_rad: f64) -> Self {
-        Self { gimbal_x_rad, gimbal_y_rad }
+    pub const fn resume(self, gimbal_x_rad: f64, gimbal_y_rad: f64) -> Self {
+        Self { gimbal_x_rad, gimbal_y_rad, ..self }
     }
 
     /// Torque about the COM (N m) into gimbal angles and roll command: `M = T l sin δ` with thrust T
-    /// along a line through the pivot, a lever arm l below the COM.
+    /// along a line through the pivot, a lever arm l below the COM `com_body_m`, less what the thrust line of the
+    /// straight engine already turns.
     pub fn step(
         &mut self,
         parameters: &ActuatorParameters,
         torque_body_n_m: Vec3,
         thrust_n: f64,
-        lever_arm_m: f64,
+        com_body_m: Vec3,
         dt_s: f64,
     ) -> Allocated {
+        let lever_arm_m = -com_body_m.z;
+        let offset_n_m = thrust_line_torque_n_m(thrust_n, com_body_m);
         let moment_n_m = (thrust_n * lever_arm_m).max(0.25 * parameters.thrust_min_n * lever_arm_m.max(0.05));
         let limit = GIMBAL_AUTHORITY * parameters.gimbal_limit_rad;
         let step = GIMBAL_RATE_AUTHORITY * parameters.gimbal_rate_limit_rad_s * dt_s;
@@ -164,14 +169,34 @@ impl Allocation {
             let angle = wanted.clamp(-limit, limit).clamp(last - step, last + step);
             (angle, (wanted - angle).abs() > 1e-3)
         };
-        let (x, saturated_x) = axis(torque_body_n_m.x, self.gimbal_x_rad);
-        let (y, saturated_y) = axis(torque_body_n_m.y, self.gimbal_y_rad);
+        let (x, saturated_x) = axis(torque_body_n_m.x - offset_n_m.x, self.gimbal_x_rad);
+        let (y, saturated_y) = axis(torque_body_n_m.y - offset_n_m.y, self.gimbal_y_rad);
         (self.gimbal_x_rad, self.gimbal_y_rad) = (x, y);
 
-        let roll = torque_body_n_m.z / parameters.rcs_torque_n_m.max(1e-6);
-        let rcs_roll = if roll.abs() < parameters.rcs_dead_band { 0.0 } else { roll.clamp(-1.0, 1.0) };
-        Allocated { gimbal_x_rad: x, gimbal_y_rad: y, rcs_roll, saturated: [saturated_x, saturated_y] }
+        let turned = |angle: f64| thrust_n * lever_arm_m * libm::sin(angle);
+        Allocated {
+            gimbal_x_rad: x,
+            gimbal_y_rad: y,
+            rcs_roll: self.roll.step(&parameters.roll, torque_body_n_m.z, dt_s),
+            torque_xy_n_m: [turned(x) + offset_n_m.x, turned(y) + offset_n_m.y],
+            saturated: [saturated_x, saturated_y],
+        }
     }
+
+    /// Counts what the roll thrusters use under a command in force for `dt_s`, whoever gave it.
+    pub fn count(&mut self, parameters: &ActuatorParameters, rcs_roll: f64, dt_s: f64) {
+        self.roll.count(&parameters.roll, rcs_roll, dt_s);
+    }
+
+    /// Nitrogen that the roll thrusters have used (kg).
+    pub fn nitrogen_rcs_kg(&self, parameters: &ActuatorParameters) -> f64 {
+        self.roll.nitrogen_kg(&parameters.roll)
+    }
+}
+
+/// Torque about the COM of a straight engine whose line misses it (N m): r × F with r from the COM to the pivot.
+pub fn thrust_line_torque_n_m(thrust_n: f64, com_body_m: Vec3) -> Vec3 {
+    Vec3::new(com_body_m.y, -com_body_m.x, 0.0) * thrust_n
 }
 
 impl ActuatorParameters {
@@ -189,6 +214,7 @@ impl ActuatorParameters {
 
 #[cfg(test)]
 mod tests {
+    use super::super::roll::RollDrive;
     use super::*;
 
     fn map() -> ThrustMap {
@@ -213,25 +239,51 @@ mod tests {
         assert_eq!(map.thrust_at_valve_n(0.0, 0.04), 0.0);
     }
 
-    #[test]
-    fn a_small_torque_comes_back_from_thrust_and_lever_arm() {
-        let parameters = ActuatorParameters {
+    fn parameters() -> ActuatorParameters {
+        ActuatorParameters {
             thrust_min_n: 300.0,
             thrust_max_n: 1050.0,
             gimbal_limit_rad: 0.122,
             gimbal_rate_limit_rad_s: 1.57,
-            rcs_torque_n_m: 2.0,
-            rcs_dead_band: 0.06,
+            roll: RollThrusters {
+                torque_n_m: 2.0,
+                flow_kg_s: 0.0157,
+                dead_band: 0.06,
+                drive: RollDrive::Duty,
+            },
             throttle_output: ThrottleOutput::Thrust,
-        };
+        }
+    }
+
+    #[test]
+    fn a_small_torque_comes_back_from_thrust_and_lever_arm() {
+        let parameters = parameters();
+        let com = Vec3::new(0.0, 0.0, -0.4);
         let mut allocation = Allocation::default();
-        let out = allocation.step(&parameters, Vec3::new(1.0, -0.5, 3.0), 700.0, 0.4, 0.004);
+        let out = allocation.step(&parameters, Vec3::new(1.0, -0.5, 3.0), 700.0, com, 0.004);
         assert!((700.0 * 0.4 * libm::sin(out.gimbal_x_rad) - 1.0).abs() < 1e-12);
         assert!((700.0 * 0.4 * libm::sin(out.gimbal_y_rad) + 0.5).abs() < 1e-12);
         assert_eq!(out.rcs_roll, 1.0);
         assert_eq!(out.saturated, [false, false]);
-        // The rate limit holds a jump back and says so.
-        let out = allocation.step(&parameters, Vec3::new(100.0, 0.0, 0.0), 700.0, 0.4, 0.004);
+        // The rate limit holds a jump back, says so, and what is left of the torque is what is reported.
+        let out = allocation.step(&parameters, Vec3::new(100.0, 0.0, 0.0), 700.0, com, 0.004);
         assert!(out.gimbal_x_rad < 0.01 && out.saturated[0]);
+        assert!((out.torque_xy_n_m[0] - 700.0 * 0.4 * libm::sin(out.gimbal_x_rad)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_engine_that_aims_past_the_centre_of_mass_is_turned_onto_it() {
+        let parameters = parameters();
+        let com = Vec3::new(0.002, -0.001, -0.4);
+        let mut allocation = Allocation::default();
+        // No torque wanted: after the rate limit has let it, force and centre of mass are in line.
+        let mut out = allocation.step(&parameters, Vec3::zeros(), 700.0, com, 0.004);
+        for _ in 0..10 {
+            out = allocation.step(&parameters, Vec3::zeros(), 700.0, com, 0.004);
+        }
+        let force = Vec3::new(libm::sin(out.gimbal_y_rad), -libm::sin(out.gimbal_x_rad), -1.0) * 700.0;
+        let torque = (-com).cross(&force);
+        // Sines of 5 mrad against a unit axial part: second order.
+        assert!(libm::hypot(torque.x, torque.y) < 1e-4 && out.torque_xy_n_m[0].abs() < 1e-12, "{torque}");
     }
 }

@@ -38,6 +38,7 @@ impl Autopilot {
             fuel_used_kg: self.propellant.fuel_used_kg,
             thrust_n: self.propellant.thrust_n(),
             thrust_trim: self.propellant.trim,
+            nitrogen_rcs_kg: self.allocation.nitrogen_rcs_kg(&self.parameters.actuators),
             health: self.navigation.health(),
         }
     }
@@ -58,6 +59,9 @@ impl Autopilot {
 
         let lit = self.chamber_pa.map(|p| p >= 0.5 * self.parameters.sequence.lit_pressure_pa);
         let demand_n = if self.command.armed { self.demand_n() } else { 0.0 };
+        if self.command.armed {
+            self.allocation.count(&self.parameters.actuators, self.command.rcs_roll, dt_s);
+        }
         self.propellant.step(&self.parameters.propellant, &self.parameters.thrust_map, demand_n, lit, dt_s);
         if self.parameters.mission.mass_knowledge == MassKnowledge::Liftoff {
             self.propellant.mass_kg = self.parameters.propellant.full.mass_kg;
@@ -154,7 +158,7 @@ impl Autopilot {
         Control {
             thrust_n: self.demand_n() * self.propellant.trim,
             gimbal_rad: [self.command.gimbal_x_rad, self.command.gimbal_y_rad],
-            roll_torque_n_m: self.command.rcs_roll * self.parameters.actuators.rcs_torque_n_m,
+            roll_torque_n_m: self.command.rcs_roll * self.parameters.actuators.roll.torque_n_m,
         }
     }
 

@@ -2,11 +2,11 @@
 
 use super::Autopilot;
 use super::abort::AbortKind;
-use super::allocation::Allocation;
-use super::control::{Controller, Limits, Motion};
+use super::allocation::thrust_line_torque_n_m;
+use super::control::{Controller, Demand, Limits, Motion};
 use super::guidance::Course;
 use super::phase::{ControlLaw, Phase};
-use super::tracking::{Control, Situation};
+use super::tracking::Situation;
 use super::trajectory::Reference;
 use crate::frame::{Vec3, heading_rad};
 use crate::signal::{ActuatorCommand, Discrete, Throttle};
@@ -77,7 +77,7 @@ impl Autopilot {
                 let heading_rad = heading_rad(&self.navigation.q_ned_from_body());
                 let position_ned_m = self.parameters.navigation.rest_ned_m;
                 self.controller = Controller::default();
-                self.allocation = Allocation::default();
+                self.allocation = self.allocation.resume(0.0, 0.0);
                 self.follow_ramps(phase, &Reference { position_ned_m, heading_rad, ..Reference::default() });
             }
             Phase::Hover | Phase::Descent => self.follow_ramps(phase, &self.guidance.reference()),
@@ -133,58 +133,69 @@ impl Autopilot {
             ControlLaw::Predictive if self.integrate.airborne => self.predictive(dt_s),
             _ => None,
         };
-        let control = predicted.unwrap_or_else(|| self.cascaded(ceiling_n, dt_s));
+        let demand = predicted.unwrap_or_else(|| self.cascaded(ceiling_n, dt_s));
+        let mass = self.mass_properties();
         let actuators = &self.parameters.actuators;
+        let allocated = self.allocation.step(
+            actuators,
+            demand.torque_body_n_m,
+            self.propellant.thrust_n(),
+            mass.com_body_m,
+            dt_s,
+        );
+        self.integrate.saturated = allocated.saturated;
         let thrust_n =
-            (control.thrust_n / self.propellant.trim).clamp(actuators.thrust_min_n, actuators.thrust_max_n);
+            (demand.thrust_n / self.propellant.trim).clamp(actuators.thrust_min_n, actuators.thrust_max_n);
         let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
-        let roll = control.roll_torque_n_m / actuators.rcs_torque_n_m.max(1e-6);
         ActuatorCommand {
             armed: true,
             throttle: self.throttle(if thrust_n.is_finite() { thrust_n } else { weight_n }),
-            gimbal_x_rad: finite(control.gimbal_rad[0]),
-            gimbal_y_rad: finite(control.gimbal_rad[1]),
-            rcs_roll: finite(if roll.abs() < actuators.rcs_dead_band { 0.0 } else { roll.clamp(-1.0, 1.0) }),
+            gimbal_x_rad: finite(allocated.gimbal_x_rad),
+            gimbal_y_rad: finite(allocated.gimbal_y_rad),
+            rcs_roll: finite(allocated.rcs_roll),
             discrete: Discrete::FLIGHT,
         }
     }
 
-    /// Predictive tracking; `None` when its ladder has ended.
-    fn predictive(&mut self, dt_s: f64) -> Option<Control> {
-        let (airframe, seen) = (self.airframe(), self.seen());
+    /// Predictive tracking, its gimbal angles as the torque that they give; `None` when its ladder has ended.
+    fn predictive(&mut self, dt_s: f64) -> Option<Demand> {
+        let (airframe, seen, mass) = (self.airframe(), self.seen(), self.mass_properties());
         let actuators = &self.parameters.actuators;
         let trim = self.propellant.trim;
         let situation = Situation {
             seen: &seen,
             observer: &self.observer,
             airframe: &airframe,
-            com_z_m: self.mass_properties().com_body_m.z,
+            com_z_m: mass.com_body_m.z,
             gravity_m_s2: self.parameters.navigation.gravity_m_s2,
             thrust_n: [actuators.thrust_min_n * trim, actuators.thrust_max_n * trim],
             previous: self.control_in_force(),
         };
         let control =
-            self.tracker.step(&self.parameters.tracking, &situation, |s| self.guidance.ahead(s), dt_s);
-        if let Some(control) = control {
-            // The cascade stands by with what the observers know.
-            self.controller = self.cascade_from_observer();
-            self.allocation = Allocation::resume(control.gimbal_rad[0], control.gimbal_rad[1]);
-        }
-        control
+            self.tracker.step(&self.parameters.tracking, &situation, |s| self.guidance.ahead(s), dt_s)?;
+        // The cascade stands by with what the observers know.
+        self.controller = self.cascade_from_observer();
+        let moment = -seen.thrust_n * mass.com_body_m.z;
+        let [x, y] = control.gimbal_rad.map(|angle| moment * libm::sin(angle));
+        Some(Demand {
+            thrust_n: control.thrust_n,
+            torque_body_n_m: thrust_line_torque_n_m(seen.thrust_n, mass.com_body_m)
+                + Vec3::new(x, y, control.roll_torque_n_m),
+        })
     }
 
     /// The cascade's integrators from what the observers know.
     pub(super) fn cascade_from_observer(&self) -> Controller {
         let thrust_n = self.propellant.thrust_n();
         let force = self.observer.force_ned_m_s2;
-        Controller::resume(
-            self.observer.thrust_offset_m.map(|offset| -offset * thrust_n),
-            [-force.x, -force.y],
-        )
+        // Allocation feeds forward what is known of the thrust line; the observer sees all of it.
+        let known = thrust_line_torque_n_m(thrust_n, self.mass_properties().com_body_m);
+        let [x, y] = self.observer.thrust_offset_m.map(|offset| -offset * thrust_n);
+        Controller::resume([x + known.x, y + known.y], [-force.x, -force.y])
     }
 
-    /// Cascaded tracking control and allocation.
-    fn cascaded(&mut self, ceiling_n: f64, dt_s: f64) -> Control {
+    /// Cascaded tracking control.
+    fn cascaded(&mut self, ceiling_n: f64, dt_s: f64) -> Demand {
         let mass = self.mass_properties();
         let seen = self.seen();
         let motion = Motion {
@@ -209,14 +220,7 @@ impl Autopilot {
             self.integrate,
             dt_s,
         );
-        let allocated =
-            self.allocation.step(actuators, demand.torque_body_n_m, seen.thrust_n, -mass.com_body_m.z, dt_s);
-        self.integrate.saturated = allocated.saturated;
-        Control {
-            thrust_n: demand.thrust_n.min(ceiling_n),
-            gimbal_rad: [allocated.gimbal_x_rad, allocated.gimbal_y_rad],
-            roll_torque_n_m: allocated.rcs_roll * actuators.rcs_torque_n_m,
-        }
+        Demand { thrust_n: demand.thrust_n.min(ceiling_n), ..demand }
     }
 
     fn throttle(&self, thrust_n: f64) -> Throttle {

@@ -26,6 +26,7 @@ pub mod mpc;
 pub mod navigation;
 pub mod phase;
 pub mod propellant;
+pub mod roll;
 pub mod tracking;
 pub mod trajectory;
 
@@ -150,6 +151,8 @@ pub struct Estimate {
     pub thrust_n: f64,
     /// Thrust over the thrust commanded, learnt in flight.
     pub thrust_trim: f64,
+    /// Nitrogen that the roll thrusters have used (kg).
+    pub nitrogen_rcs_kg: f64,
     /// Refused measurements and resets.
     pub health: NavigationHealth,
 }
@@ -285,7 +288,7 @@ impl Autopilot {
         self.follow_ramps(phase, &self.under_way());
         self.tracker.reset();
         self.controller = self.cascade_from_observer();
-        self.allocation = Allocation::resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
+        self.allocation = self.allocation.resume(self.command.gimbal_x_rad, self.command.gimbal_y_rad);
         self.sequence.enter(phase, elapsed_s);
     }
 

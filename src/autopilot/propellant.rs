@@ -70,9 +70,9 @@ pub struct PropellantEstimate {
 /// Longest dead time that can be represented, in steps of the IMU.
 const PIPELINE: usize = 8;
 /// Time constant of the trim: slow against the valve, fast against the flight (s).
-const TRIM_TIME_S: f64 = 0.8;
+const TRIM_TIME_S: f64 = 0.5;
 /// The trim corrects an engine off its map, not a broken one.
-const TRIM_LIMIT: f64 = 0.15;
+const TRIM_LIMIT: f64 = 0.08;
 
 impl PropellantEstimate {
     /// Full tanks, engine off.

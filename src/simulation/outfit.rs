@@ -10,6 +10,7 @@ use crate::autopilot::mpc;
 use crate::autopilot::navigation::{GnssParameters, NavigationParameters};
 use crate::autopilot::phase::SequenceParameters;
 use crate::autopilot::propellant::{MassPoint, PropellantParameters};
+use crate::autopilot::roll::{RollDrive, RollThrusters};
 use crate::autopilot::tracking::observer::ServoParameters;
 use crate::autopilot::tracking::{TrackingParameters, WEIGHTS};
 use crate::dynamics::mass::{Contents, ContentsRate, MassState};
@@ -17,7 +18,7 @@ use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::noise::sample_std;
-use crate::propulsion::{EngineCondition, Guess};
+use crate::propulsion::{Drive, EngineCondition, Guess, PairLevels};
 use crate::scenario::{Fidelity, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -57,8 +58,7 @@ pub fn autopilot(
             thrust_max_n: vehicle.rating.thrust_command_max_n,
             gimbal_limit_rad: vehicle.gimbal.limit_rad,
             gimbal_rate_limit_rad_s: vehicle.gimbal.rate_limit_rad_s,
-            rcs_torque_n_m: vehicle.roll_moment_n_m(),
-            rcs_dead_band: vehicle.reaction_control.dead_band,
+            roll: roll(vehicle),
             // The paper's engine is driven by the thrust, and its valve angles are not the full engine's.
             throttle_output: match scenario.file.fidelity {
                 Fidelity::Full => ThrottleOutput::Valve,
@@ -235,6 +235,21 @@ fn propellant(vehicle: &Vehicle) -> PropellantParameters {
         thrust_min_n: vehicle.rating.thrust_command_min_n,
         thrust_max_n: vehicle.rating.thrust_command_max_n,
         thrust_shut_n: engine.ignition.shutdown_fraction * vehicle.rating.thrust_rated_n,
+    }
+}
+
+/// The thrusters of one pair; who makes the pulses follows from their driver.
+fn roll(vehicle: &Vehicle) -> RollThrusters {
+    let rcs = &vehicle.reaction_control;
+    let firing = rcs.loads(&PairLevels { a: 0.0, b: 1.0 }, rcs.supply_minimum_pa);
+    RollThrusters {
+        torque_n_m: vehicle.roll_moment_n_m(),
+        flow_kg_s: firing.nitrogen_kg_s,
+        dead_band: rcs.dead_band,
+        drive: match rcs.drive {
+            Drive::PulseModulated => RollDrive::Duty,
+            Drive::OnOff => RollDrive::Pulses { minimum_on_s: rcs.minimum_on_time_s },
+        },
     }
 }
 

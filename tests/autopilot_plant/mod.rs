@@ -13,6 +13,7 @@ use hopbench::autopilot::control::Gains;
 use hopbench::autopilot::navigation::{GnssParameters, NavigationParameters};
 use hopbench::autopilot::phase::SequenceParameters;
 use hopbench::autopilot::propellant::{MassPoint, PropellantParameters};
+use hopbench::autopilot::roll::{RollDrive, RollThrusters};
 use hopbench::autopilot::{Mission, Parameters};
 use hopbench::frame::{Mat3, Vec3, point_inertia, skew, tilt_rad};
 use hopbench::signal::*;
@@ -111,8 +112,12 @@ pub fn parameters(mission: Mission, rtk: bool) -> Parameters {
             thrust_max_n: 1050.0,
             gimbal_limit_rad: 7f64.to_radians(),
             gimbal_rate_limit_rad_s: 90f64.to_radians(),
-            rcs_torque_n_m: 2.0,
-            rcs_dead_band: 0.06,
+            roll: RollThrusters {
+                torque_n_m: 2.0,
+                flow_kg_s: 0.0157,
+                dead_band: 0.06,
+                drive: RollDrive::Duty,
+            },
             throttle_output: ThrottleOutput::Thrust,
         },
         gains: Gains::default(),
@@ -336,6 +341,10 @@ impl Plant {
 
     pub fn gyro_bias(&self) -> Vec3 {
         self.sensors.gyro_bias
+    }
+
+    pub fn accelerometer_bias(&self) -> Vec3 {
+        self.sensors.accel_bias
     }
 
     pub fn time_s(&self) -> f64 {

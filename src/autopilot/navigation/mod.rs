@@ -13,12 +13,18 @@
 //! Equations: J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, with the attitude
 //! error on the world side. Flat, non-turning Earth: valid for flights of a minute within a kilometre.
 
+mod update;
+
+#[cfg(test)]
+mod tests;
+
 use super::alignment::{Aligned, Alignment};
-use crate::environment::geodesy::{Datum, Geodetic};
+use crate::environment::geodesy::Datum;
 use crate::frame::{Vec3, skew};
-use crate::signal::{AltimeterSample, BarometerSample, GnssFix, Measurement};
+use crate::signal::Measurement;
 use crate::time::SimTime;
 use nalgebra::{SMatrix, SVector, UnitQuaternion};
+pub use update::{InnovationTally, Source};
 
 /// Number of error states.
 pub const STATES: usize = 20;
@@ -184,6 +190,7 @@ pub struct Navigation {
     altimeter_refused: u32,
     standing_for: u32,
     health: NavigationHealth,
+    tallies: [InnovationTally; Source::COUNT],
 }
 
 impl Navigation {
@@ -228,6 +235,7 @@ impl Navigation {
             altimeter_refused: 0,
             standing_for: 0,
             health: NavigationHealth::default(),
+            tallies: [InnovationTally::default(); Source::COUNT],
         };
         navigation.covariance = navigation.initial_covariance(1.0);
         navigation
@@ -393,7 +401,7 @@ impl Navigation {
         let r = *q_middle.to_rotation_matrix().matrix();
         let velocity_from_tilt = -skew(f_ned) * dt_s;
         let c = &mut self.covariance;
-        // F P, row blocks from the top, so that every block still reads old rows below it; then (F P) Fᵀ.
+        // Transition of the error, the half steps of the state in it. F P, row blocks from the top, so that every block still reads old rows below it; then (F P) Fᵀ.
         for j in 0..STATES {
             let mut column = c.column_mut(j);
             let (th, bg, ba) = (
@@ -401,10 +409,10 @@ impl Navigation {
                 Vec3::new(column[BG], column[BG + 1], column[BG + 2]),
                 Vec3::new(column[BA], column[BA + 1], column[BA + 2]),
             );
-            let dv = velocity_from_tilt * th - r * ba * dt_s;
             let dth = -(r * bg) * dt_s;
+            let dv = velocity_from_tilt * (th + dth * 0.5) - r * ba * dt_s;
             for i in 0..3 {
-                column[P + i] += dt_s * column[V + i];
+                column[P + i] += dt_s * (column[V + i] + 0.5 * dv[i]);
                 column[V + i] += dv[i];
                 column[TH + i] += dth[i];
             }
@@ -416,12 +424,18 @@ impl Navigation {
                 Vec3::new(row[BG], row[BG + 1], row[BG + 2]),
                 Vec3::new(row[BA], row[BA + 1], row[BA + 2]),
             );
-            let dv = velocity_from_tilt * th - r * ba * dt_s;
             let dth = -(r * bg) * dt_s;
+            let dv = velocity_from_tilt * (th + dth * 0.5) - r * ba * dt_s;
             for i in 0..3 {
-                row[P + i] += dt_s * row[V + i];
+                row[P + i] += dt_s * (row[V + i] + 0.5 * dv[i]);
                 row[V + i] += dv[i];
                 row[TH + i] += dth[i];
+            }
+        }
+        // Rounding must not tear the halves apart.
+        for j in 0..STATES {
+            for i in j + 1..STATES {
+                c[(j, i)] = c[(i, j)];
             }
         }
         // White noise of a sample, half as much again for vibration and integration; walks of the slow states.
@@ -475,201 +489,6 @@ impl Navigation {
         let u = u.clamp(0.0, 1.0);
         let ((pa, va), (pb, vb)) = (corrected(a), corrected(b));
         Past { time: wanted, position_ned_m: pa + (pb - pa) * u, velocity_ned_m_s: va + (vb - va) * u, ..*b }
-    }
-
-    /// One scalar: `innovation = h · error + noise`. Refused beyond `gate` standard deviations.
-    fn fuse(&mut self, h: &Row, innovation: f64, variance: f64, gate: f64) -> bool {
-        let ph = self.covariance * h;
-        let s = h.dot(&ph) + variance;
-        if !(innovation.is_finite() && s.is_finite() && s > 0.0) || innovation * innovation > gate * gate * s
-        {
-            self.health.rejected += 1;
-            return false;
-        }
-        let gain = ph / s;
-        // The optimal gain makes K s Kᵀ the whole decrease; written so that symmetry survives rounding.
-        for j in 0..STATES {
-            for i in 0..STATES {
-                self.covariance[(i, j)] -= gain[i] * ph[j];
-            }
-        }
-        for i in 0..STATES {
-            // A variance cannot fall below what round-off of the largest leaves of it.
-            if self.covariance[(i, i)] < 1e-14 {
-                self.covariance[(i, i)] = 1e-14;
-            }
-        }
-        self.correct(&(gain * innovation));
-        true
-    }
-
-    fn correct(&mut self, error: &Row) {
-        let block = |at: usize| Vec3::new(error[at], error[at + 1], error[at + 2]);
-        let n = &mut self.now;
-        n.position_ned_m += block(P);
-        n.velocity_ned_m_s += block(V);
-        self.corrected_position_m += block(P);
-        self.corrected_velocity_m_s += block(V);
-        n.q_ned_from_body = UnitQuaternion::from_scaled_axis(block(TH)) * n.q_ned_from_body;
-        n.gyro_bias_rad_s += block(BG);
-        n.accel_bias_m_s2 += block(BA);
-        n.baro_offset_m += error[BARO];
-        n.gnss_drift_ned_m += block(DRIFT);
-        n.heading_bias_rad += error[HEADING];
-    }
-
-    fn use_rest(&mut self, standing: Standing) {
-        if standing == Standing::No {
-            self.standing_for = 0;
-            return;
-        }
-        self.standing_for = self.standing_for.wrapping_add(1);
-        // Ten times in a quarter second is plenty; the legs' give is in the noise.
-        if !self.standing_for.is_multiple_of(10) {
-            return;
-        }
-        for i in 0..3 {
-            let mut h = Row::zeros();
-            h[V + i] = 1.0;
-            self.fuse(&h, -self.now.velocity_ned_m_s[i], 0.03 * 0.03, 10.0);
-        }
-        if standing == Standing::OnPad {
-            // The pivot is pinned; the unit above it moves with the tilt.
-            for i in 0..3 {
-                let arm_ned = self.now.q_ned_from_body * self.parameters.imu_body_m;
-                let here = self.parameters.rest_ned_m + arm_ned;
-                let arm = skew(arm_ned);
-                let mut h = Row::zeros();
-                h[P + i] = 1.0;
-                for j in 0..3 {
-                    h[TH + j] = arm[(i, j)];
-                }
-                self.fuse(&h, here[i] - self.now.position_ned_m[i], 0.005 * 0.005, 10.0);
-            }
-        }
-    }
-
-    fn use_gnss(&mut self, fix: &GnssFix, time: SimTime) {
-        let Some(datum) = self.datum else { return };
-        if fix.fix_type < 3 {
-            return;
-        }
-        let p = self.parameters.gnss.clone();
-        let past = self.recall(time, p.delay_s);
-        let lever = p.antenna_body_m - self.parameters.imu_body_m;
-        let arm_ned = past.q_ned_from_body * lever;
-        let antenna_velocity =
-            past.velocity_ned_m_s + past.q_ned_from_body * past.rate_body_rad_s.cross(&lever);
-        let antenna = past.position_ned_m + arm_ned;
-
-        let measured = datum.position_ned_m(&Geodetic {
-            latitude_rad: fix.latitude_rad,
-            longitude_rad: fix.longitude_rad,
-            altitude_m: fix.altitude_m,
-        });
-        let f_ned = self.now.q_ned_from_body * self.specific_force_body_m_s2;
-        let late = skew(f_ned) * p.delay_s;
-        let arm = -skew(arm_ned);
-        let mut refused = false;
-        for i in 0..3 {
-            let which = usize::from(i == 2);
-            let mut h = Row::zeros();
-            h[P + i] = 1.0;
-            h[V + i] = -p.delay_s;
-            h[DRIFT + i] = 1.0;
-            for j in 0..3 {
-                h[TH + j] = arm[(i, j)];
-            }
-            let innovation = measured[i] - antenna[i] - self.now.gnss_drift_ned_m[i];
-            refused |= !self.fuse(&h, innovation, square(p.position_std_m[which]) + 2.5e-5, 5.0);
-
-            let mut h = Row::zeros();
-            h[V + i] = 1.0;
-            for j in 0..3 {
-                h[TH + j] = late[(i, j)];
-            }
-            let innovation = fix.velocity_ned_m_s[i] - antenna_velocity[i];
-            refused |= !self.fuse(&h, innovation, square(p.velocity_std_m_s[which]) + 1e-4, 5.0);
-        }
-        if refused {
-            self.sight.gnss_refused += 1;
-            self.gnss_contradictions += 1;
-        } else {
-            self.sight.gnss_refused = 0;
-            self.sight.gnss_silence_s = 0.0;
-            self.gnss_contradictions = 0;
-        }
-        if self.gnss_contradictions >= 20 {
-            // Two seconds of contradiction: it is the filter that is wrong.
-            self.loosen();
-        }
-    }
-
-    fn use_barometer(&mut self, baro: &BarometerSample, time: SimTime) {
-        let past = self.recall(time, self.parameters.barometer_delay_s);
-        let expected = -past.position_ned_m.z + self.now.baro_offset_m;
-        let mut h = Row::zeros();
-        h[P + 2] = -1.0;
-        h[V + 2] = self.parameters.barometer_delay_s;
-        h[BARO] = 1.0;
-        let variance = square(1.3 * self.parameters.barometer_m[0]);
-        self.fuse(&h, baro.pressure_altitude_m - expected, variance, 5.0);
-    }
-
-    fn use_magnetometer(&mut self, field_body_t: &Vec3) {
-        let Some(reference) = self.parameters.magnetic_field_ned_t else { return };
-        let m = self.now.q_ned_from_body * field_body_t;
-        let horizontal = m.x * m.x + m.y * m.y;
-        if horizontal < 1e-12 {
-            return;
-        }
-        let angle = libm::atan2(reference.y * m.x - reference.x * m.y, reference.x * m.x + reference.y * m.y);
-        let mut h = Row::zeros();
-        // Heading only. A wrong tilt turns the dipping field's shadow too, but hard iron that turns with the
-        // body would pass for tilt: the heading bias, prior and walk, carries both.
-        h[TH + 2] = 1.0;
-        h[HEADING] = 1.0;
-        let variance = square(1.3 * self.heading_std_rad(0));
-        self.fuse(&h, angle - self.now.heading_bias_rad, variance, 5.0);
-    }
-
-    fn expected_range_m(&self, imu_ned_m: Vec3, q: &UnitQuaternion<f64>) -> f64 {
-        let lever = self.parameters.altimeter_body_m - self.parameters.imu_body_m;
-        let height = -(imu_ned_m + q * lever).z;
-        let cosine = (q * Vec3::z()).z;
-        height / cosine.max(0.5)
-    }
-
-    fn use_altimeter(&mut self, sample: &AltimeterSample, time: SimTime) {
-        let Some(range_m) = sample.range_m else { return };
-        if range_m < sample.minimum_m || range_m > sample.maximum_m {
-            return;
-        }
-        let p = &self.parameters;
-        let past = self.recall(time, p.altimeter_delay_s);
-        let cosine = (past.q_ned_from_body * Vec3::z()).z;
-        if cosine < 0.85 {
-            return;
-        }
-        let expected =
-            self.expected_range_m(past.position_ned_m, &past.q_ned_from_body) + self.altimeter_offset_m;
-        // Tilt is left out of the sensitivity on purpose: a millimetre of offset or slope would be taken
-        // for milliradians of tilt, and its real effect is within the centimetre added to the noise.
-        let mut h = Row::zeros();
-        h[P + 2] = -1.0 / cosine;
-        h[V + 2] = p.altimeter_delay_s / cosine;
-        let variance = square(p.altimeter[0]) + square(p.altimeter[1] * range_m) + 1e-4;
-        if self.fuse(&h, range_m - expected, variance, 6.0) {
-            self.altimeter_refused = 0;
-            self.sight.altimeter_silence_s = 0.0;
-        } else {
-            self.altimeter_refused += 1;
-            if self.altimeter_refused >= 50 {
-                // A second of contradiction from a laser near the ground: believe the laser.
-                self.altimeter_refused = 0;
-                self.covariance[(P + 2, P + 2)] += 4.0;
-            }
-        }
     }
 
     /// Position and velocity become uncertain again, so that the next fixes pull them in.
@@ -739,6 +558,11 @@ impl Navigation {
         self.sight
     }
 
+    /// Innovations of a source against what the filter expected of them.
+    pub const fn tally(&self, source: Source) -> InnovationTally {
+        self.tallies[source as usize]
+    }
+
     /// Counters.
     pub const fn health(&self) -> NavigationHealth {
         self.health
@@ -776,8 +600,4 @@ fn attitude_at_rest(a: &Aligned, p: &NavigationParameters) -> UnitQuaternion<f64
         _ => p.rest_heading_rad,
     };
     UnitQuaternion::from_axis_angle(&Vec3::z_axis(), heading - own) * level
-}
-
-fn square(x: f64) -> f64 {
-    x * x
 }
