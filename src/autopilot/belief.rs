@@ -110,7 +110,7 @@ impl Autopilot {
             gnss_silence_s: sight.gnss_silence_s,
             altimeter_silence_s: sight.altimeter_silence_s,
             air_m_s2: libm::hypot(self.observer.force_ned_m_s2.x, self.observer.force_ned_m_s2.y),
-            guidance_exhausted: false,
+            guidance_exhausted: self.planning.is_exhausted(),
             off_reference_m: (position - self.guidance.reference().position_ned_m).norm(),
             from_start_m: libm::hypot(from_start.x, from_start.y),
             height_m: seen.height_m,

@@ -7,8 +7,8 @@
 //! the sign of a rate feedback, so that the loop stays stable, but nothing is gained by going there.
 //! The centre of mass is what is controlled: at the pivot the side force would act the wrong way first.
 
-use super::trajectory::Reference;
 use super::propellant::MassPoint;
+use super::trajectory::Reference;
 use crate::frame::{Vec3, heading_rad};
 use nalgebra::UnitQuaternion;
 

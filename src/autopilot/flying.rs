@@ -5,7 +5,7 @@ use super::abort::AbortKind;
 use super::allocation::thrust_line_torque_n_m;
 use super::control::{Controller, Demand, Limits, Motion};
 use super::guidance::Course;
-use super::phase::{ControlLaw, Phase};
+use super::phase::{ControlLaw, GuidanceLaw, Phase};
 use super::tracking::Situation;
 use super::trajectory::Reference;
 use crate::frame::{Vec3, heading_rad};
@@ -72,15 +72,26 @@ impl Autopilot {
 
     pub(super) fn enter(&mut self, phase: Phase) {
         match phase {
-            Phase::AbortLand => self.land_here(),
+            Phase::AbortLand => {
+                self.planning.drop_all();
+                self.land_here();
+            }
             Phase::Ascent => {
                 let heading_rad = heading_rad(&self.navigation.q_ned_from_body());
                 let position_ned_m = self.parameters.navigation.rest_ned_m;
                 self.controller = Controller::default();
                 self.allocation = self.allocation.resume(0.0, 0.0);
-                self.follow_ramps(phase, &Reference { position_ned_m, heading_rad, ..Reference::default() });
+                let standing = Reference { position_ned_m, heading_rad, ..Reference::default() };
+                match self.planned_climb() {
+                    Some(climb) => self.guidance.follow(climb, 0.0),
+                    None => self.follow_ramps(phase, &standing),
+                }
             }
-            Phase::Hover | Phase::Descent => self.follow_ramps(phase, &self.guidance.reference()),
+            Phase::Hover => self.follow_ramps(phase, &self.guidance.reference()),
+            // A planned landing is adopted when it comes; until then the hover goes on.
+            Phase::Descent if self.parameters.mission.guidance == GuidanceLaw::Ramps => {
+                self.follow_ramps(phase, &self.guidance.reference());
+            }
             _ => {}
         }
     }

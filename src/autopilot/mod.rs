@@ -25,6 +25,7 @@ pub mod lcvx;
 pub mod mpc;
 pub mod navigation;
 pub mod phase;
+pub mod planning;
 pub mod propellant;
 pub mod roll;
 pub mod tracking;
@@ -41,8 +42,9 @@ use control::{Controller, Gains, Integrate};
 use guidance::Guidance;
 use nalgebra::UnitQuaternion;
 use navigation::{Navigation, NavigationHealth, NavigationParameters, Standing};
-pub use phase::{ControlLaw, MassKnowledge, Mission, MissionKind, Phase};
+pub use phase::{ControlLaw, GuidanceLaw, MassKnowledge, Mission, MissionKind, Phase};
 use phase::{Sequence, SequenceParameters};
+use planning::Planning;
 use propellant::{PropellantEstimate, PropellantParameters};
 use tracking::observer::Observer;
 use tracking::{Tracker, TrackingParameters};
@@ -67,6 +69,8 @@ pub struct Parameters {
     pub gains: Gains,
     /// Predictive tracking.
     pub tracking: TrackingParameters,
+    /// Planning.
+    pub planner: lcvx::Settings,
 }
 
 impl Parameters {
@@ -166,6 +170,7 @@ pub struct Autopilot {
     sequence: Sequence,
     abort_watch: AbortWatch,
     guidance: Guidance,
+    planning: Planning,
     observer: Observer,
     tracker: Tracker,
     controller: Controller,
@@ -198,6 +203,7 @@ impl Autopilot {
             sequence: Sequence::default(),
             abort_watch: AbortWatch::new(&parameters.mission),
             guidance: Guidance::at_rest(rest, parameters.navigation.rest_heading_rad),
+            planning: Planning::default(),
             observer: Observer::default(),
             tracker,
             controller: Controller::default(),
@@ -229,6 +235,7 @@ impl Autopilot {
         if self.sequence.phase() != phase {
             self.enter(self.sequence.phase());
         }
+        self.plan(dt_s);
         self.command = self.fly(dt_s);
         self.command
     }
@@ -285,6 +292,7 @@ impl Autopilot {
         if libm::hypot(away.x, away.y) > TARGET_REACH_M {
             self.parameters.mission.target_north_east_m = [position.x - rest.x, position.y - rest.y];
         }
+        self.planning.drop_all();
         self.follow_ramps(phase, &self.under_way());
         self.tracker.reset();
         self.controller = self.cascade_from_observer();

@@ -90,6 +90,17 @@ pub enum MassKnowledge {
     Liftoff,
 }
 
+/// What lays out the way up and the way down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GuidanceLaw {
+    /// Least fuel under the engine's thrust band, by lossless convexification, replanned on the way down.
+    #[default]
+    Lcvx,
+    /// Closed-form ramps of the accelerations below.
+    Ramps,
+}
+
 /// What turns a reference into thrust and moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -109,6 +120,8 @@ pub struct Mission {
     pub kind: MissionKind,
     /// What the autopilot believes of mass, centre of mass and inertia in flight.
     pub mass_knowledge: MassKnowledge,
+    /// What lays out climb and descent.
+    pub guidance: GuidanceLaw,
     /// What follows the reference.
     pub control: ControlLaw,
     /// Greatest speed of the climb (m/s).
@@ -159,6 +172,7 @@ impl Default for Mission {
         Self {
             kind: MissionKind::Hop,
             mass_knowledge: MassKnowledge::default(),
+            guidance: GuidanceLaw::default(),
             control: ControlLaw::default(),
             ascent_speed_m_s: 6.0,
             hover_height_m: 50.0,

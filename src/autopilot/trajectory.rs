@@ -74,6 +74,11 @@ impl Trajectory {
         Self::new(start, heading_rad, vec![node])
     }
 
+    /// The same motion with another start.
+    pub fn starting(self, start: SimTime) -> Self {
+        Self { start, ..self }
+    }
+
     /// Time of the first node.
     pub const fn start(&self) -> SimTime {
         self.start

@@ -307,6 +307,9 @@ impl Flight {
     pub fn autopilot_command(&mut self) -> Option<ActuatorCommand> {
         let measurement = self.measurement.as_ref()?;
         let command = self.autopilot.update(measurement);
+        if let Some(order) = self.autopilot.take_order() {
+            self.autopilot.deliver(order.solve());
+        }
         self.note_abort(self.autopilot.abort());
         self.note_phase(self.autopilot.phase().name());
         Some(command)

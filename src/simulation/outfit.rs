@@ -6,13 +6,13 @@
 use crate::autopilot::Parameters;
 use crate::autopilot::allocation::{ActuatorParameters, ThrottleOutput, ThrustMap};
 use crate::autopilot::control::Gains;
-use crate::autopilot::mpc;
 use crate::autopilot::navigation::{GnssParameters, NavigationParameters};
 use crate::autopilot::phase::SequenceParameters;
 use crate::autopilot::propellant::{MassPoint, PropellantParameters};
 use crate::autopilot::roll::{RollDrive, RollThrusters};
 use crate::autopilot::tracking::observer::ServoParameters;
 use crate::autopilot::tracking::{TrackingParameters, WEIGHTS};
+use crate::autopilot::{lcvx, mpc};
 use crate::dynamics::mass::{Contents, ContentsRate, MassState};
 use crate::environment::Environment;
 use crate::frame::Vec3;
@@ -67,6 +67,7 @@ pub fn autopilot(
         },
         gains: Gains::default(),
         tracking: tracking(vehicle, scenario.file.mission.tilt_limit_rad),
+        planner: lcvx::Settings::FLIGHT,
     }
 }
 

@@ -14,7 +14,9 @@ use hopbench::autopilot::navigation::{GnssParameters, NavigationParameters};
 use hopbench::autopilot::phase::SequenceParameters;
 use hopbench::autopilot::propellant::{MassPoint, PropellantParameters};
 use hopbench::autopilot::roll::{RollDrive, RollThrusters};
-use hopbench::autopilot::{Mission, Parameters};
+use hopbench::autopilot::tracking::observer::ServoParameters;
+use hopbench::autopilot::tracking::{TrackingParameters, WEIGHTS};
+use hopbench::autopilot::{Mission, Parameters, lcvx, mpc};
 use hopbench::frame::{Mat3, Vec3, point_inertia, skew, tilt_rad};
 use hopbench::signal::*;
 use hopbench::time::SimTime;
@@ -121,6 +123,28 @@ pub fn parameters(mission: Mission, rtk: bool) -> Parameters {
             throttle_output: ThrottleOutput::Thrust,
         },
         gains: Gains::default(),
+        tracking: TrackingParameters {
+            stages: 30,
+            stage_s: 0.05,
+            period_s: 0.02,
+            weights: WEIGHTS,
+            thrust_rate_n_s: 1500.0,
+            gimbal_rate_rad_s: 0.8,
+            gimbal_limit_rad: 0.95 * 7f64.to_radians(),
+            roll_torque_n_m: 2.0,
+            tilt_rad: 0.21,
+            servo: ServoParameters {
+                natural_frequency_rad_s: 50.265,
+                damping_ratio: 0.7,
+                rate_limit_rad_s: 90f64.to_radians(),
+                delay_s: 0.005,
+            },
+            engine_moment_kg_m: 2.6,
+            engine_inertia_kg_m2: 0.7203,
+            solver: mpc::Settings::default(),
+            stand_in: mpc::Settings { iterations: 40, tolerance: 1e-6 },
+        },
+        planner: lcvx::Settings::FLIGHT,
     }
 }
 

@@ -1,0 +1,269 @@
+//! When a landing or a climb is planned, what is asked, and what becomes of the answer.
+//!
+//! A plan takes milliseconds and must not hold up the loop: the autopilot makes an [`Order`], its owner solves it
+//! wherever it likes and delivers the answer. The plan begins [`LATENCY_S`] after the order and is adopted exactly then, so
+//! that a flight in memory and one beside a thread give the same bits as long as answers come in time. One that
+//! does not is counted, and what is being flown is flown on.
+
+use super::Autopilot;
+use super::guidance::Course;
+use super::lcvx::{self, Engine, GlideSlope, Limits, Plan, PlanRequest, Problem, Rung, Start, Target};
+use super::phase::{GuidanceLaw, Phase};
+use super::trajectory::{Reference, Trajectory};
+use crate::frame::{Vec3, heading_rad};
+use crate::time::SimTime;
+
+/// From an order to the beginning of its plan: the deadline of whoever solves it (s).
+pub const LATENCY_S: f64 = 0.2;
+/// Time between plans on the way down (s).
+const REPLAN_S: f64 = 1.0;
+/// With less than this to go the last plan stands (s).
+const FREEZE_S: f64 = 3.0;
+/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step.
+const TUBE_M: f64 = 0.5;
+const TUBE_M_S: f64 = 0.5;
+/// Nodes of a plan.
+const NODES: usize = 30;
+/// The thrust band that plans may use, over the least and the greatest command: the rest is control's.
+const BAND: [f64; 2] = [1.5, 0.9];
+/// Share of the tilt limit that plans may use.
+const TILT_SHARE: f64 = 0.8;
+/// Cone over the target that a landing stays in.
+const GLIDE_SLOPE: GlideSlope = GlideSlope { angle_rad: core::f64::consts::FRAC_PI_4, offset_m: 0.5 };
+/// The terminal speed is reached this much above the terminal height (m).
+const TERMINAL_LEAD_M: f64 = 0.1;
+
+/// A plan to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    number: u64,
+    request: PlanRequest,
+    settings: lcvx::Settings,
+}
+
+/// An answer to an order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    number: u64,
+    plan: Plan,
+}
+
+impl Order {
+    /// Solves it: pure, some milliseconds.
+    pub fn solve(&self) -> Answer {
+        Answer { number: self.number, plan: lcvx::plan(&self.request, &self.settings) }
+    }
+}
+
+/// Orders, answers, and what came of them.
+#[derive(Clone, Debug, Default)]
+pub struct Planning {
+    ordered: u64,
+    begins: Option<SimTime>,
+    outbox: Option<Order>,
+    answer: Option<Plan>,
+    next_s: f64,
+    counts: [u64; 7],
+    late: u64,
+    rung: Option<Rung>,
+}
+
+impl Planning {
+    /// Plans adopted from each rung, in the order of [`Rung::ALL`].
+    pub const fn counts(&self) -> [u64; 7] {
+        self.counts
+    }
+
+    /// Plans that did not come in time.
+    pub const fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// Rung of the plan that is flown; `None` while none is.
+    pub const fn rung(&self) -> Option<Rung> {
+        self.rung
+    }
+
+    /// The ladder has come to its end: nothing is left that keeps the limits.
+    pub(super) fn is_exhausted(&self) -> bool {
+        matches!(self.rung, Some(Rung::Ramp | Rung::Hold))
+    }
+
+    /// Drops what is under way; what is flown is no plan.
+    pub(super) fn drop_all(&mut self) {
+        *self = Self { ordered: self.ordered, counts: self.counts, late: self.late, ..Self::default() };
+    }
+
+    fn take(&mut self, answer: Answer) {
+        // One that was given up on is too late for anything.
+        if answer.number == self.ordered && self.begins.is_some() {
+            self.answer = Some(answer.plan);
+        }
+    }
+}
+
+impl Autopilot {
+    /// An order that waits to be solved, once.
+    pub fn take_order(&mut self) -> Option<Order> {
+        self.planning.outbox.take()
+    }
+
+    /// The answer to an order.
+    pub fn deliver(&mut self, answer: Answer) {
+        self.planning.take(answer);
+    }
+
+    /// Orders, answers, and what came of them.
+    pub const fn planning(&self) -> &Planning {
+        &self.planning
+    }
+
+    /// One step: order what the phase needs, adopt what is due.
+    pub(super) fn plan(&mut self, dt_s: f64) {
+        if self.parameters.mission.guidance != GuidanceLaw::Lcvx {
+            return;
+        }
+        self.planning.next_s -= dt_s;
+        match self.sequence.phase() {
+            Phase::Ignition if self.planning.ordered == 0 => self.order_climb(),
+            Phase::Descent => {
+                let to_go_s = self.guidance.trajectory().duration_s() - self.guidance.elapsed_s();
+                let fresh = self.planning.rung.is_none();
+                let due = self.planning.next_s <= 0.0 && (fresh || to_go_s > FREEZE_S);
+                if self.planning.begins.is_none() && due {
+                    self.order_landing();
+                    self.planning.next_s = REPLAN_S;
+                }
+                self.adopt_landing();
+            }
+            _ => {}
+        }
+    }
+
+    /// The climb that was ordered before lift-off, if it came.
+    pub(super) fn planned_climb(&mut self) -> Option<Trajectory> {
+        self.planning.begins.take()?;
+        let Some(plan) = self.planning.answer.take() else {
+            self.planning.late += 1;
+            return None;
+        };
+        self.planning.counts[plan.rung as usize] += 1;
+        // The closed forms of the mission climb better than the ladder's last rungs.
+        (plan.rung < Rung::Ramp).then_some(plan.trajectory)
+    }
+
+    fn adopt_landing(&mut self) {
+        let Some(begins) = self.planning.begins else { return };
+        if self.time < begins {
+            return;
+        }
+        self.planning.begins = None;
+        match self.planning.answer.take() {
+            Some(plan) => {
+                self.planning.counts[plan.rung as usize] += 1;
+                self.planning.rung = Some(plan.rung);
+                if plan.rung != Rung::Previous {
+                    self.guidance.follow(plan.trajectory, self.time.since(begins).s());
+                }
+            }
+            None => {
+                self.planning.late += 1;
+                if self.planning.rung.is_none() {
+                    // Nothing leads down yet: the closed form does until the next plan.
+                    self.follow_ramps(Phase::Descent, &self.guidance.reference());
+                    self.planning.rung = Some(Rung::Previous);
+                }
+            }
+        }
+    }
+
+    fn order_climb(&mut self) {
+        let heading_rad = heading_rad(&self.navigation.q_ned_from_body());
+        let position_ned_m = self.parameters.navigation.rest_ned_m;
+        let from = Reference { position_ned_m, heading_rad, ..Reference::default() };
+        let course = self.course();
+        // The way up is straight; the way aside belongs to the hover.
+        let above = Vec3::new(position_ned_m.x, position_ned_m.y, course.hover_ned_m().z);
+        let target = Target { position_ned_m: above, velocity_ned_m_s: Vec3::zeros() };
+        self.order(&from, target, None, None);
+    }
+
+    fn order_landing(&mut self) {
+        let ahead = self.guidance.ahead(LATENCY_S);
+        let (position, velocity) = self.navigation.point(Vec3::zeros());
+        let now = self.guidance.reference();
+        let close = (position - now.position_ned_m).norm() < TUBE_M
+            && (velocity - now.velocity_ned_m_s).norm() < TUBE_M_S;
+        let from = if close {
+            ahead
+        } else {
+            Reference {
+                position_ned_m: position + velocity * LATENCY_S,
+                velocity_ned_m_s: velocity,
+                heading_rad: now.heading_rad,
+                acceleration_ned_m_s2: Vec3::zeros(),
+            }
+        };
+        let Course { mission, .. } = self.course();
+        let up = mission.terminal_height_m + TERMINAL_LEAD_M;
+        let target = Target {
+            position_ned_m: self.course().landing_ned_m() - Vec3::new(0.0, 0.0, up),
+            velocity_ned_m_s: Vec3::new(0.0, 0.0, self.course().final_speed_m_s()),
+        };
+        let previous = self.planning.rung.is_some().then(|| {
+            // Its clock has been shifted to meet the vehicle.
+            let elapsed = SimTime::from_s(self.guidance.elapsed_s());
+            self.guidance.trajectory().clone().starting(self.time.since(elapsed))
+        });
+        self.order(&from, target, Some(GLIDE_SLOPE), previous);
+    }
+
+    fn order(
+        &mut self,
+        from: &Reference,
+        target: Target,
+        glide_slope: Option<GlideSlope>,
+        previous: Option<Trajectory>,
+    ) {
+        let p = &self.parameters;
+        let (mission, gravity) = (&p.mission, p.navigation.gravity_m_s2);
+        let weight_n = self.propellant.mass_kg * gravity;
+        let (oxidizer, fuel) = p.thrust_map.flows_kg_s(weight_n, self.propellant.port_radius_m);
+        let flow_kg_s = oxidizer + fuel;
+        let endurance_s = self.propellant.endurance_s(&p.propellant, &p.thrust_map, gravity);
+        let usable_kg = flow_kg_s * (endurance_s - mission.abort.reserve_s).max(0.0);
+        let dry_mass_kg = (self.propellant.mass_kg - usable_kg).max(p.propellant.empty.mass_kg);
+        let begins = self.time + SimTime::from_s(LATENCY_S);
+        let push = from.acceleration_ned_m_s2 - Vec3::new(0.0, 0.0, gravity);
+        let vertical_m_s = mission.ascent_speed_m_s.max(mission.descent_speed_m_s);
+        let problem = Problem {
+            start: Start {
+                position_ned_m: from.position_ned_m,
+                velocity_ned_m_s: from.velocity_ned_m_s,
+                thrust_acceleration_ned_m_s2: Some(push),
+                mass_kg: self.propellant.mass_kg,
+            },
+            target,
+            engine: Engine {
+                thrust_min_n: BAND[0] * p.actuators.thrust_min_n,
+                thrust_max_n: BAND[1] * p.actuators.thrust_max_n,
+                mass_flow_per_thrust_s_m: flow_kg_s / weight_n.max(1.0),
+                dry_mass_kg,
+            },
+            limits: Limits {
+                tilt_rad: TILT_SHARE * mission.tilt_limit_rad,
+                speed_m_s: libm::hypot(vertical_m_s, mission.lateral_speed_m_s),
+                climb_m_s: mission.ascent_speed_m_s,
+                sink_m_s: mission.descent_speed_m_s,
+                glide_slope,
+            },
+            gravity_m_s2: gravity,
+            nodes: NODES,
+        };
+        let request = PlanRequest { problem, start: begins, heading_rad: from.heading_rad, previous };
+        self.planning.ordered += 1;
+        self.planning.begins = Some(begins);
+        self.planning.answer = None;
+        self.planning.outbox = Some(Order { number: self.planning.ordered, request, settings: p.planner });
+    }
+}
