@@ -6,8 +6,9 @@ use crate::frame::Vec3;
 
 /// Time between nodes (s).
 const STEP_S: f64 = 0.1;
-/// Flight times tried for the polynomial, each longer than the last by a quarter.
-const QUINTIC_TIMES: i32 = 14;
+/// Flight times tried for the polynomial: each longer than the last by this factor, up to a longest (s).
+const QUINTIC_FACTOR: f64 = 1.25;
+const QUINTIC_LONGEST_S: f64 = 120.0;
 /// Height that its nodes may lie under the lower end (m).
 const QUINTIC_SAG_M: f64 = 0.1;
 /// Longest ramp (s).
@@ -39,12 +40,12 @@ pub(super) fn somewhere(problem: &Problem) -> Vec3 {
 pub(super) fn quintic(problem: &Problem) -> Option<Vec<Node>> {
     let way = (problem.target.position_ned_m - problem.start.position_ned_m).norm();
     let mut time_s = (way / problem.limits.speed_m_s).max(1.0);
-    for _ in 0..QUINTIC_TIMES {
+    while time_s < QUINTIC_LONGEST_S {
         let nodes = quintic_nodes(problem, time_s);
         if keeps_limits(problem, &nodes) {
             return Some(nodes);
         }
-        time_s *= 1.25;
+        time_s *= QUINTIC_FACTOR;
     }
     None
 }

@@ -29,7 +29,7 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
         refusal: problem.refusal(),
         rejection: None,
     };
-    if let Some(best) = ladder.least_fuel(problem, remaining_s(request)) {
+    if let Some(best) = ladder.least_fuel(problem) {
         return ladder.optimal(Rung::Optimal, best);
     }
     if let Some(previous) = kept(request) {
@@ -38,7 +38,7 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
     let mut wide = *problem;
     if problem.limits.glide_slope.is_some() {
         wide.limits = Limits { glide_slope: Some(WIDE_GLIDE_SLOPE), ..problem.limits };
-        if let Some(best) = ladder.least_fuel(&wide, None) {
+        if let Some(best) = ladder.least_fuel(&wide) {
             return ladder.optimal(Rung::WideGlideSlope, best);
         }
     }
@@ -56,24 +56,17 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
     ladder.plan(rung, Trajectory::new(request.start, heading_rad, nodes))
 }
 
-/// What is left of the motion under way (s), if it ends where the flight is to end.
-fn remaining_s(request: &PlanRequest) -> Option<f64> {
-    let previous = request.previous.as_ref()?;
-    let off = previous.last().position_ned_m - request.problem.target.position_ned_m;
-    let left_s = previous.duration_s() - request.start.since(previous.start()).s();
-    (off.norm() <= TUBE_M && left_s > 0.0).then_some(left_s)
-}
-
 /// The motion under way, if it is young and the vehicle still on it.
 fn kept(request: &PlanRequest) -> Option<Trajectory> {
-    remaining_s(request)?;
     let previous = request.previous.as_ref()?;
+    let off_target = previous.last().position_ned_m - request.problem.target.position_ned_m;
     let age_s = request.start.since(previous.start()).s();
     let (now, start) = (previous.after(age_s), &request.problem.start);
     let off_m = (now.position_ned_m - start.position_ned_m).norm();
     let off_m_s = (now.velocity_ned_m_s - start.velocity_ned_m_s).norm();
+    let goes_there = age_s < previous.duration_s() && off_target.norm() <= TUBE_M;
     let is_close = age_s <= PREVIOUS_AGE_MAX_S && off_m <= TUBE_M && off_m_s <= TUBE_M_S;
-    is_close.then(|| previous.clone())
+    (goes_there && is_close).then(|| previous.clone())
 }
 
 /// An answer that passed the gate.
@@ -94,20 +87,19 @@ struct Ladder<'a> {
 }
 
 impl Ladder<'_> {
-    fn least_fuel(&mut self, problem: &Problem, remaining_s: Option<f64>) -> Option<Best> {
-        let guess_s = remaining_s.map(|left_s| left_s / self.settings.flight_time_share);
-        let least_s = self.least_s(problem, Objective::Fuel, guess_s)?;
+    fn least_fuel(&mut self, problem: &Problem) -> Option<Best> {
+        let least_s = self.least_s(problem, Objective::Fuel)?;
         self.best(problem, Objective::Fuel, least_s, self.settings.flight_time_share)
     }
 
     fn least_landing_error(&mut self, problem: &Problem) -> Option<Best> {
-        let least_s = self.least_s(problem, Objective::LandingError, None)?;
+        let least_s = self.least_s(problem, Objective::LandingError)?;
         let all =
             LANDING_ERROR_SHARES.map(|share| self.best(problem, Objective::LandingError, least_s, share));
         all.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn least_s(&mut self, problem: &Problem, objective: Objective, guess_s: Option<f64>) -> Option<f64> {
+    fn least_s(&mut self, problem: &Problem, objective: Objective) -> Option<f64> {
         let settings = self.settings;
         if self.refusal.is_some() || settings.iterations_max == 0 {
             return None;
@@ -117,7 +109,7 @@ impl Ladder<'_> {
             tolerance_s: settings.search_tolerance_s,
             iterations_max: settings.iterations_max,
         };
-        least_s(problem, objective, &search, guess_s, &mut self.effort)
+        least_s(problem, objective, &search, &mut self.effort)
     }
 
     fn best(
