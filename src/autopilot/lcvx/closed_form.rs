@@ -164,7 +164,7 @@ fn has_arrived(problem: &Problem, node: &Node) -> bool {
 fn wanted_acceleration(problem: &Problem, bounds: &Bounds, node: &Node) -> Vec3 {
     let velocity = node.velocity_ned_m_s;
     // The speed wanted at the height one time constant ahead: the ramp is followed without lag.
-    let height_m = height_m(problem, node) + velocity.z * -RAMP_FOLLOW_S;
+    let height_m = height_m(problem, node) - velocity.z * RAMP_FOLLOW_S;
     let sink_m_s = if problem.is_descent() {
         sink_m_s(height_m, bounds.up_m_s2).min(problem.limits.sink_m_s)
     } else {
@@ -192,14 +192,10 @@ fn sink_m_s(height_m: f64, braking_m_s2: f64) -> f64 {
     }
 }
 
-/// Speed upwards that stops at the target (m/s), linear near it.
+/// Speed upwards that stops at the target (m/s), linear near it with a time constant of 1 s.
 fn climb_m_s(below_m: f64, braking_m_s2: f64) -> f64 {
     let braking = RAMP_SHARE * braking_m_s2;
-    let linear_m = braking * 1.0;
-    let speed = if below_m.abs() < linear_m {
-        below_m.abs()
-    } else {
-        (2.0 * braking * (below_m.abs() - 0.5 * linear_m)).sqrt()
-    };
+    let way_m = below_m.abs();
+    let speed = if way_m < braking { way_m } else { (2.0 * braking * (way_m - 0.5 * braking)).sqrt() };
     speed.min(FAST_M_S).copysign(below_m)
 }
