@@ -54,7 +54,7 @@ pub fn least_s(problem: &Problem, objective: Objective, search: &Search, effort:
         solution.status == Status::Solved
     };
     let budget_s = budget_s(&problem)?;
-    let mut low_s = shortest_s(&problem, objective).min(budget_s);
+    let mut low_s = dash_s(&problem, objective).min(budget_s);
     let mut step_s = FIRST_STEP_S;
     // Outwards until something is feasible, the propellant's last second included.
     let mut high_s = loop {
@@ -97,8 +97,8 @@ fn budget_s(problem: &Problem) -> Option<f64> {
 }
 
 /// A time in which nobody gets there (s): each direction alone, under the most that thrust and tilt give it at
-/// any mass of the flight.
-fn shortest_s(problem: &Problem, objective: Objective) -> f64 {
+/// any mass of the flight. Beside the target only the way down or up counts.
+pub fn dash_s(problem: &Problem, objective: Objective) -> f64 {
     let (engine, limits, g) = (&problem.engine, &problem.limits, problem.gravity_m_s2);
     let way = problem.target.position_ned_m - problem.start.position_ned_m;
     let (v0, v1) = (problem.start.velocity_ned_m_s, problem.target.velocity_ned_m_s);

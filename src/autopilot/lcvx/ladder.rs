@@ -1,7 +1,7 @@
 //! The ladder: what is flown when the optimum is not there, rung by rung down to one that always is.
 
 use super::super::trajectory::{Node, Trajectory};
-use super::flight_time::{Search, flown_s, least_s};
+use super::flight_time::{Search, dash_s, flown_s, least_s};
 use super::gate::{Passed, Rejection};
 use super::problem::{GlideSlope, Limits, Problem};
 use super::transcription::{Motion, Objective};
@@ -14,8 +14,8 @@ const PREVIOUS_AGE_MAX_S: f64 = 3.0;
 /// And while position (m), velocity (m/s) and target (m) lie this close to it.
 const TUBE_M: f64 = 1.0;
 const TUBE_M_S: f64 = 1.0;
-/// Flight times tried for the least landing error, over the least time.
-const LANDING_ERROR_SHARES: [f64; 4] = [1.2, 1.5, 2.0, 3.0];
+/// Flight times tried for the least landing error, over the time of a dash to the target.
+const LANDING_ERROR_SHARES: [f64; 3] = [1.2, 1.5, 2.0];
 
 /// Plans a flight. Pure: the same arguments give the same bits. No argument makes it panic or return NaN.
 pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
@@ -92,11 +92,17 @@ impl Ladder<'_> {
         self.best(problem, Objective::Fuel, least_s, self.settings.flight_time_share)
     }
 
+    /// The best of a few flight times: how long it pays to fly is not known before.
     fn least_landing_error(&mut self, problem: &Problem) -> Option<Best> {
         let least_s = self.least_s(problem, Objective::LandingError)?;
-        let all =
-            LANDING_ERROR_SHARES.map(|share| self.best(problem, Objective::LandingError, least_s, share));
-        all.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let dash_s = dash_s(problem, Objective::Fuel).max(least_s);
+        let soon = self.best(problem, Objective::LandingError, least_s, self.settings.flight_time_share);
+        let late = LANDING_ERROR_SHARES.map(|share| {
+            let share = share * dash_s / least_s;
+            self.best(problem, Objective::LandingError, least_s, share)
+        });
+        let all = late.into_iter().chain([soon]);
+        all.flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     fn least_s(&mut self, problem: &Problem, objective: Objective) -> Option<f64> {
