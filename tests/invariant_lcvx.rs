@@ -351,13 +351,20 @@ fn each_rung_of_the_ladder_can_be_reached() {
     let ramp = plan(&request(falling), &capped);
     assert_eq!(ramp.rung, Rung::Ramp);
 
+    // By its own estimate out of propellant, it still comes down.
+    let mut empty = divert();
+    empty.start.mass_kg = 59.9;
+    let last = plan(&request(empty), &flight);
+    assert_eq!(last.rung, Rung::Ramp);
+    assert!(matches!(last.refusal, Some(Refusal::Propellant { .. })));
+
     let mut unknown = divert();
     unknown.start.position_ned_m.y = f64::NAN;
     let hold = plan(&request(unknown), &flight);
     assert_eq!((hold.rung, hold.trajectory.nodes().len()), (Rung::Hold, 1));
     assert!(matches!(hold.refusal, Some(Refusal::NotFinite("start.position_ned_m"))));
 
-    for plan in [&optimal, &kept, &wide, &beside, &quintic, &ramp, &hold] {
+    for plan in [&optimal, &kept, &wide, &beside, &quintic, &ramp, &last, &hold] {
         assert_sound(plan);
         let (r, v) = jumps(&plan.trajectory);
         println!(
