@@ -6,8 +6,9 @@ use crate::frame::Vec3;
 
 /// Time between nodes (s).
 const STEP_S: f64 = 0.1;
-/// Flight times tried for the polynomial, each longer than the last by a quarter.
-const QUINTIC_TIMES: i32 = 14;
+/// Flight times tried for the polynomial: each longer than the last by this factor, up to a longest (s).
+const QUINTIC_FACTOR: f64 = 1.25;
+const QUINTIC_LONGEST_S: f64 = 120.0;
 /// Height that its nodes may lie under the lower end (m).
 const QUINTIC_SAG_M: f64 = 0.1;
 /// Longest ramp (s).
@@ -39,12 +40,12 @@ pub(super) fn somewhere(problem: &Problem) -> Vec3 {
 pub(super) fn quintic(problem: &Problem) -> Option<Vec<Node>> {
     let way = (problem.target.position_ned_m - problem.start.position_ned_m).norm();
     let mut time_s = (way / problem.limits.speed_m_s).max(1.0);
-    for _ in 0..QUINTIC_TIMES {
+    while time_s < QUINTIC_LONGEST_S {
         let nodes = quintic_nodes(problem, time_s);
         if keeps_limits(problem, &nodes) {
             return Some(nodes);
         }
-        time_s *= 1.25;
+        time_s *= QUINTIC_FACTOR;
     }
     None
 }
@@ -163,7 +164,7 @@ fn has_arrived(problem: &Problem, node: &Node) -> bool {
 fn wanted_acceleration(problem: &Problem, bounds: &Bounds, node: &Node) -> Vec3 {
     let velocity = node.velocity_ned_m_s;
     // The speed wanted at the height one time constant ahead: the ramp is followed without lag.
-    let height_m = height_m(problem, node) + velocity.z * -RAMP_FOLLOW_S;
+    let height_m = height_m(problem, node) - velocity.z * RAMP_FOLLOW_S;
     let sink_m_s = if problem.is_descent() {
         sink_m_s(height_m, bounds.up_m_s2).min(problem.limits.sink_m_s)
     } else {
@@ -191,14 +192,10 @@ fn sink_m_s(height_m: f64, braking_m_s2: f64) -> f64 {
     }
 }
 
-/// Speed upwards that stops at the target (m/s), linear near it.
+/// Speed upwards that stops at the target (m/s), linear near it with a time constant of 1 s.
 fn climb_m_s(below_m: f64, braking_m_s2: f64) -> f64 {
     let braking = RAMP_SHARE * braking_m_s2;
-    let linear_m = braking * 1.0;
-    let speed = if below_m.abs() < linear_m {
-        below_m.abs()
-    } else {
-        (2.0 * braking * (below_m.abs() - 0.5 * linear_m)).sqrt()
-    };
+    let way_m = below_m.abs();
+    let speed = if way_m < braking { way_m } else { (2.0 * braking * (way_m - 0.5 * braking)).sqrt() };
     speed.min(FAST_M_S).copysign(below_m)
 }

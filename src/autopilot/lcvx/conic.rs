@@ -148,19 +148,19 @@ pub fn solve(program: &Program, accuracy: Accuracy) -> Solution {
 }
 
 /// A solver that is kept over programs of one pattern: ordering and memory are made once.
-pub(super) struct Solver {
+pub struct Solver {
     accuracy: Accuracy,
     kept: Option<DefaultSolver<f64>>,
 }
 
 impl Solver {
     /// Without a program yet.
-    pub(super) fn new(accuracy: Accuracy) -> Self {
+    pub fn new(accuracy: Accuracy) -> Self {
         Self { accuracy, kept: None }
     }
 
     /// Solves; a program whose matrix has another pattern than the last one is set up anew.
-    pub(super) fn solve(&mut self, program: &Program) -> Solution {
+    pub fn solve(&mut self, program: &Program) -> Solution {
         let nothing = Vec::new;
         let failed = Solution {
             status: Status::Failed,

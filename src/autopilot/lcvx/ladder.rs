@@ -1,7 +1,7 @@
 //! The ladder: what is flown when the optimum is not there, rung by rung down to one that always is.
 
 use super::super::trajectory::{Node, Trajectory};
-use super::flight_time::{Search, flown_s, least_s};
+use super::flight_time::{Search, dash_s, flown_s, least_s};
 use super::gate::{Passed, Rejection};
 use super::problem::{GlideSlope, Limits, Problem};
 use super::transcription::{Motion, Objective};
@@ -14,8 +14,8 @@ const PREVIOUS_AGE_MAX_S: f64 = 3.0;
 /// And while position (m), velocity (m/s) and target (m) lie this close to it.
 const TUBE_M: f64 = 1.0;
 const TUBE_M_S: f64 = 1.0;
-/// Flight times tried for the least landing error, over the least time.
-const LANDING_ERROR_SHARES: [f64; 4] = [1.2, 1.5, 2.0, 3.0];
+/// Flight times tried for the least landing error, over the time of a dash to the target.
+const LANDING_ERROR_SHARES: [f64; 3] = [1.2, 1.5, 2.0];
 
 /// Plans a flight. Pure: the same arguments give the same bits. No argument makes it panic or return NaN.
 pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
@@ -29,7 +29,7 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
         refusal: problem.refusal(),
         rejection: None,
     };
-    if let Some(best) = ladder.least_fuel(problem, remaining_s(request)) {
+    if let Some(best) = ladder.least_fuel(problem) {
         return ladder.optimal(Rung::Optimal, best);
     }
     if let Some(previous) = kept(request) {
@@ -38,7 +38,7 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
     let mut wide = *problem;
     if problem.limits.glide_slope.is_some() {
         wide.limits = Limits { glide_slope: Some(WIDE_GLIDE_SLOPE), ..problem.limits };
-        if let Some(best) = ladder.least_fuel(&wide, None) {
+        if let Some(best) = ladder.least_fuel(&wide) {
             return ladder.optimal(Rung::WideGlideSlope, best);
         }
     }
@@ -56,24 +56,17 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
     ladder.plan(rung, Trajectory::new(request.start, heading_rad, nodes))
 }
 
-/// What is left of the motion under way (s), if it ends where the flight is to end.
-fn remaining_s(request: &PlanRequest) -> Option<f64> {
-    let previous = request.previous.as_ref()?;
-    let off = previous.last().position_ned_m - request.problem.target.position_ned_m;
-    let left_s = previous.duration_s() - request.start.since(previous.start()).s();
-    (off.norm() <= TUBE_M && left_s > 0.0).then_some(left_s)
-}
-
 /// The motion under way, if it is young and the vehicle still on it.
 fn kept(request: &PlanRequest) -> Option<Trajectory> {
-    remaining_s(request)?;
     let previous = request.previous.as_ref()?;
+    let off_target = previous.last().position_ned_m - request.problem.target.position_ned_m;
     let age_s = request.start.since(previous.start()).s();
     let (now, start) = (previous.after(age_s), &request.problem.start);
     let off_m = (now.position_ned_m - start.position_ned_m).norm();
     let off_m_s = (now.velocity_ned_m_s - start.velocity_ned_m_s).norm();
+    let goes_there = age_s < previous.duration_s() && off_target.norm() <= TUBE_M;
     let is_close = age_s <= PREVIOUS_AGE_MAX_S && off_m <= TUBE_M && off_m_s <= TUBE_M_S;
-    is_close.then(|| previous.clone())
+    (goes_there && is_close).then(|| previous.clone())
 }
 
 /// An answer that passed the gate.
@@ -94,20 +87,25 @@ struct Ladder<'a> {
 }
 
 impl Ladder<'_> {
-    fn least_fuel(&mut self, problem: &Problem, remaining_s: Option<f64>) -> Option<Best> {
-        let guess_s = remaining_s.map(|left_s| left_s / self.settings.flight_time_share);
-        let least_s = self.least_s(problem, Objective::Fuel, guess_s)?;
+    fn least_fuel(&mut self, problem: &Problem) -> Option<Best> {
+        let least_s = self.least_s(problem, Objective::Fuel)?;
         self.best(problem, Objective::Fuel, least_s, self.settings.flight_time_share)
     }
 
+    /// The best of a few flight times: how long it pays to fly is not known before.
     fn least_landing_error(&mut self, problem: &Problem) -> Option<Best> {
-        let least_s = self.least_s(problem, Objective::LandingError, None)?;
-        let all =
-            LANDING_ERROR_SHARES.map(|share| self.best(problem, Objective::LandingError, least_s, share));
-        all.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let least_s = self.least_s(problem, Objective::LandingError)?;
+        let dash_s = dash_s(problem, Objective::Fuel).max(least_s);
+        let soon = self.best(problem, Objective::LandingError, least_s, self.settings.flight_time_share);
+        let late = LANDING_ERROR_SHARES.map(|share| {
+            let share = share * dash_s / least_s;
+            self.best(problem, Objective::LandingError, least_s, share)
+        });
+        let all = late.into_iter().chain([soon]);
+        all.flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn least_s(&mut self, problem: &Problem, objective: Objective, guess_s: Option<f64>) -> Option<f64> {
+    fn least_s(&mut self, problem: &Problem, objective: Objective) -> Option<f64> {
         let settings = self.settings;
         if self.refusal.is_some() || settings.iterations_max == 0 {
             return None;
@@ -117,7 +115,7 @@ impl Ladder<'_> {
             tolerance_s: settings.search_tolerance_s,
             iterations_max: settings.iterations_max,
         };
-        least_s(problem, objective, &search, guess_s, &mut self.effort)
+        least_s(problem, objective, &search, &mut self.effort)
     }
 
     fn best(

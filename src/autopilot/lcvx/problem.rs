@@ -86,8 +86,8 @@ pub const THRUST_FLOOR_SHARE: f64 = 0.85;
 /// Why a problem is not put to the solver.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// A number is missing.
-    #[error("{0} is not a finite number")]
+    /// A number is missing, or nothing that is meant here.
+    #[error("{0} is no number, or beyond a million")]
     NotFinite(&'static str),
     /// A number is out of its range.
     #[error("{what} is {value}, it must lie in {low} to {high}")]
@@ -100,6 +100,14 @@ pub enum Refusal {
         low: f64,
         /// Greatest value.
         high: f64,
+    },
+    /// Nothing is left to burn.
+    #[error("mass {mass_kg} kg is not above the dry {dry_mass_kg} kg")]
+    Propellant {
+        /// Mass at the start (kg).
+        mass_kg: f64,
+        /// Dry mass (kg).
+        dry_mass_kg: f64,
     },
     /// The engine cannot throttle deep enough below the weight.
     #[error(
@@ -118,7 +126,7 @@ pub enum Refusal {
 impl Problem {
     /// The first reason not to solve it.
     pub fn refusal(&self) -> Option<Refusal> {
-        self.out_of_range().or_else(|| {
+        self.out_of_range().or_else(|| self.out_of_propellant()).or_else(|| {
             let mass_kg = self.engine.dry_mass_kg;
             let limit_n = THRUST_FLOOR_SHARE * mass_kg * self.gravity_m_s2;
             let thrust_min_n = self.engine.thrust_min_n;
@@ -126,7 +134,12 @@ impl Problem {
         })
     }
 
-    /// Numbers with which the transcription has no meaning; the floor rule is not looked at.
+    fn out_of_propellant(&self) -> Option<Refusal> {
+        let (mass_kg, dry_mass_kg) = (self.start.mass_kg, self.engine.dry_mass_kg);
+        (mass_kg <= dry_mass_kg).then_some(Refusal::Propellant { mass_kg, dry_mass_kg })
+    }
+
+    /// Numbers with which no motion has a meaning; propellant and floor rule are not looked at.
     pub(super) fn out_of_range(&self) -> Option<Refusal> {
         let (start, target, engine, limits) = (&self.start, &self.target, &self.engine, &self.limits);
         let vectors = [
@@ -136,7 +149,6 @@ impl Problem {
             ("target.position_ned_m", target.position_ned_m),
             ("target.velocity_ned_m_s", target.velocity_ned_m_s),
         ];
-        // Beyond a thousand kilometres or a hundred kilometres a second nothing here is meant.
         let vector = vectors.iter().find(|(_, v)| !v.iter().all(|x| x.abs() <= 1e6));
         if let Some((what, _)) = vector {
             return Some(Refusal::NotFinite(what));
@@ -144,7 +156,7 @@ impl Problem {
         let glide = limits.glide_slope.unwrap_or(GlideSlope { angle_rad: 0.5, offset_m: 0.0 });
         let ranges = [
             ("start.mass_kg", start.mass_kg, 1e-3, 1e6),
-            ("engine.dry_mass_kg", engine.dry_mass_kg, 1e-3, start.mass_kg),
+            ("engine.dry_mass_kg", engine.dry_mass_kg, 1e-3, 1e6),
             ("engine.thrust_max_n", engine.thrust_max_n, 1e-3, 1e9),
             ("engine.thrust_min_n", engine.thrust_min_n, 1e-3, engine.thrust_max_n),
             ("engine.mass_flow_per_thrust_s_m", engine.mass_flow_per_thrust_s_m, 1e-9, 1.0),
