@@ -7,7 +7,7 @@
 
 #![allow(dead_code)] // not every test uses all of it
 
-use crate::mpc::{
+use hopbench::autopilot::mpc::{
     INPUTS, InfiniteHorizon, Linear, Problem, STATES, Settings, Solution, Stage, StageCost, Tilt, Workspace, dare,
     interior_point,
 };
