@@ -1,10 +1,13 @@
 //! Predictive control where its answer is known: without limits, mirrored, at its limits.
 
+#![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
+
 #[path = "mpc/mod.rs"]
 mod gusts;
 
 use hopbench::autopilot::mpc::{
-    INPUTS, Linear, Problem, STATES, Settings, Solution, StageCost, Status, Tilt, Workspace, dare, interior_point,
+    INPUTS, Linear, Problem, STATES, Settings, Solution, StageCost, Status, Tilt, Workspace, dare,
+    interior_point,
 };
 use nalgebra::{DMatrix, SMatrix};
 
@@ -143,10 +146,7 @@ const MIRROR_INPUT: [f64; INPUTS] = [1.0, -1.0, 1.0, -1.0];
 
 fn mirrored(problem: &Problem) -> Problem {
     let mut m = problem.clone();
-    let tilt = |tilt: &Tilt| Tilt {
-        min: [-tilt.max[0], tilt.min[1]],
-        max: [-tilt.min[0], tilt.max[1]],
-    };
+    let tilt = |tilt: &Tilt| Tilt { min: [-tilt.max[0], tilt.min[1]], max: [-tilt.min[0], tilt.max[1]] };
     for stage in &mut m.stages {
         for i in 0..STATES {
             for j in 0..STATES {

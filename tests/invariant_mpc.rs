@@ -1,11 +1,15 @@
 //! Invariant: whatever it is given, predictive control answers finite inputs inside their limits, or says that it
 //! cannot; it never panics, and the same program gives the same bits.
 
+#![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
+
 #[path = "mpc/mod.rs"]
 mod gusts;
 
 use hopbench::autopilot::mpc::problem::InputLimits;
-use hopbench::autopilot::mpc::{INPUTS, Problem, STATES, Settings, Solution, Status, Workspace, interior_point, oracle};
+use hopbench::autopilot::mpc::{
+    INPUTS, Problem, STATES, Settings, Solution, Status, Workspace, interior_point, oracle,
+};
 use proptest::prelude::*;
 
 fn solve(problem: &Problem) -> Solution {

@@ -3,10 +3,14 @@
 //! Three hundred programs of a loop closed over 6 s with two gusts, the last hundred with a model of its own in every
 //! stage; for 20 and for 30 stages.
 
+#![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
+
 #[path = "mpc/mod.rs"]
 mod gusts;
 
-use hopbench::autopilot::mpc::{INPUTS, Problem, Settings, Solution, Status, Workspace, interior_point, oracle};
+use hopbench::autopilot::mpc::{
+    INPUTS, Problem, Settings, Solution, Status, Workspace, interior_point, oracle,
+};
 
 /// Clarabel's tolerance for the comparison.
 const TIGHT: f64 = 1e-9;
