@@ -5,11 +5,12 @@
 //! and rate about FRD x, y, z, thrust. Input: thrust demanded (kN), gimbal about x and y (0.1 rad), torque about z
 //! (10 N m). Everything follows from the numbers below; no file, no random number.
 
+#![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 #![allow(dead_code)] // not every test uses all of it
 
-use crate::mpc::{
-    INPUTS, InfiniteHorizon, Linear, Problem, STATES, Settings, Solution, Stage, StageCost, Tilt, Workspace, dare,
-    interior_point,
+use hopbench::autopilot::mpc::{
+    INPUTS, InfiniteHorizon, Linear, Problem, STATES, Settings, Solution, Stage, StageCost, Tilt, Workspace,
+    dare, interior_point,
 };
 
 pub const STAGE_S: f64 = 0.05;
@@ -38,8 +39,7 @@ pub struct Around {
     pub tilt_rad: [f64; 2],
 }
 
-pub const HOVER: Around =
-    Around { mass_kg: MASS_KG, thrust_n: MASS_KG * GRAVITY_M_S2, tilt_rad: [0.0; 2] };
+pub const HOVER: Around = Around { mass_kg: MASS_KG, thrust_n: MASS_KG * GRAVITY_M_S2, tilt_rad: [0.0; 2] };
 
 /// Rates of the states: Jacobians and the constant that makes them exact at the point.
 fn continuous(around: &Around) -> ([[f64; STATES]; STATES], [[f64; INPUTS]; STATES], [f64; STATES]) {
@@ -92,7 +92,8 @@ pub fn model(around: &Around, interval_s: f64) -> (Linear, [f64; STATES]) {
         let mut next = [[0.0; ALL]; ALL];
         for i in 0..ALL {
             for j in 0..ALL {
-                next[i][j] = (0..ALL).map(|k| term[i][k] * rate[k][j]).sum::<f64>() * interval_s / order as f64;
+                next[i][j] =
+                    (0..ALL).map(|k| term[i][k] * rate[k][j]).sum::<f64>() * interval_s / order as f64;
                 sum[i][j] += next[i][j];
             }
         }

@@ -116,7 +116,7 @@ impl Default for Work {
     }
 }
 
-/// Memory of a solve (about 200 kB), allocated once. Nothing in it outlives a solve.
+/// Memory of a solve (about 300 kB), allocated once. Nothing in it outlives a solve.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     work: Vec<Work>,

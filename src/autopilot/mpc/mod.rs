@@ -10,6 +10,8 @@
 //! and soft limits on two states that stand for tilt. What state and input mean is the caller's; so is
 //! the scaling, which should bring every number that matters near one.
 
+#![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
+
 pub mod interior_point;
 pub mod oracle;
 pub mod problem;
