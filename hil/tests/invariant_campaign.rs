@@ -67,6 +67,8 @@ fn hopbench(arguments: &[&str]) -> Output {
     for pair in SHORT {
         command.args(["--set", pair]);
     }
+    // A campaign without --out makes its folder where it is called.
+    command.current_dir(env!("CARGO_TARGET_TMPDIR"));
     command.output().unwrap()
 }
 

@@ -51,13 +51,17 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if let Some(seed) = args.only {
         return fly_one(&campaign, seed, args, common);
     }
+    let slots = share(campaign.slots(), args.shard);
+    let jobs = args.jobs.map_or_else(cores, usize::from);
+    if args.merge.is_empty() {
+        // A value that cannot be is said now, not after hours.
+        campaign.check_draws(&slots, jobs)?;
+    }
     let mut folder = match &common.out {
         Some(path) => CampaignFolder::open(path, &campaign)?,
         None => CampaignFolder::open(RunFolder::for_run_of(&campaign.name)?.path(), &campaign)?,
     };
-    let slots = share(campaign.slots(), args.shard);
     if args.merge.is_empty() {
-        let jobs = args.jobs.map_or_else(cores, usize::from);
         fly(&campaign, &slots, jobs, &mut folder)?;
     } else {
         for (slot, row) in merged(&campaign, &args.merge)? {
@@ -112,8 +116,6 @@ fn fly(campaign: &Campaign, slots: &[Slot], jobs: usize, folder: &mut CampaignFo
     if missing.len() < slots.len() {
         live.notice(format!("{} of {} flights are there already", slots.len() - missing.len(), slots.len()));
     }
-    // A value that cannot be is said now, not after hours.
-    campaign.check_draws(&missing, jobs)?;
     let start = Instant::now();
     let (mut flown, mut failed) = (0, 0);
     let mut slot = missing.iter();
