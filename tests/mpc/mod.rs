@@ -24,6 +24,9 @@ const THRUST_LAG_S: f64 = 0.12;
 /// Drag per mass and speed (1/s).
 const DRAG_1_S: f64 = 0.03;
 
+/// In tenths of a radian.
+const DEGREE: f64 = 0.174_533;
+
 pub const COST: StageCost = StageCost {
     state: [4.0, 4.0, 8.0, 2.0, 2.0, 4.0, 0.3, 0.3, 0.1, 0.02, 0.02, 0.01, 0.01],
     input: [2.0, 0.5, 0.5, 0.1],
@@ -117,7 +120,7 @@ pub fn at_hover(length: usize, infinite: &InfiniteHorizon) -> Problem {
     let mut state_reference = [0.0; STATES];
     state_reference[12] = 1e-3 * HOVER.thrust_n;
     let input_reference = [state_reference[12], 0.0, 0.0, 0.0];
-    let tilt = Tilt { min: [-2.0944; 2], max: [2.0944; 2] }; // 12 degrees
+    let tilt = Tilt { min: [-12.0 * DEGREE; 2], max: [12.0 * DEGREE; 2] };
     let (linear, offset) = model(&HOVER, STAGE_S);
     let stage = Stage {
         model: linear,
@@ -127,8 +130,8 @@ pub fn at_hover(length: usize, infinite: &InfiniteHorizon) -> Problem {
         input_weight: COST.input,
         input_reference,
         change_weight: COST.change,
-        input_min: [0.40, -1.0472, -1.0472, -0.2],
-        input_max: [0.95, 1.0472, 1.0472, 0.2],
+        input_min: [0.40, -6.0 * DEGREE, -6.0 * DEGREE, -0.2],
+        input_max: [0.95, 6.0 * DEGREE, 6.0 * DEGREE, 0.2],
         change_max: [1.5 * STAGE_S, 8.0 * STAGE_S, 8.0 * STAGE_S, 0.4],
         tilt,
     };

@@ -1,7 +1,7 @@
 //! Linear quadratic control with a cost on the change of the input, stage by stage from the end.
 //!
-//! The state of the recursion is [x; v], v being the input of the stage before. With the value
-//! ½ [x; v]ᵀ P [x; v] of the stage after,
+//! The state of the recursion is (x, v), v being the input of the stage before. With the value
+//! ½ (x, v)ᵀ P (x, v) of the stage after,
 //!
 //! ```text
 //! F = Aᵀ P_xx A,   G = (P_xx B + P_xv)ᵀ A,   M = R + Bᵀ P_xx B + Bᵀ P_xv + P_vx B + P_vv
@@ -19,7 +19,7 @@ use super::problem::{CostToGo, INPUTS, STATES};
 
 /// A row over the states, filled up to an even number.
 pub type Row = [f64; STATES + 1];
-/// Columns of [A B].
+/// Columns of A and B side by side.
 const COLUMNS: usize = STATES + INPUTS;
 
 /// A linear model from one stage to the next.
@@ -89,7 +89,7 @@ pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
     None
 }
 
-/// A model laid out for the recursion. Products with matrices run over the entries of [A B] that are not zero,
+/// A model laid out for the recursion. Products with matrices run over the entries of A and B that are not zero,
 /// column by column; products with vectors are too short for that to pay.
 #[derive(Clone, Debug)]
 pub struct Columns {
@@ -217,7 +217,7 @@ impl Columns {
     }
 }
 
-/// Half this quadratic form in [x; v] is the cost from a stage on.
+/// Half this quadratic form in (x, v) is the cost from a stage on.
 #[derive(Clone, Debug, Default)]
 pub struct Value {
     state: [Row; STATES],
@@ -247,7 +247,7 @@ impl Value {
     }
 }
 
-/// Gradient of a value at [x; v] = 0.
+/// Gradient of a value at (x, v) = 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slope {
     /// In the state.
