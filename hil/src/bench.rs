@@ -25,6 +25,7 @@ use crate::live::Live;
 use crate::mavlink::measurement::TrueState;
 use crate::mavlink::{ControlsFrame, Decoder, FromFc, Heartbeat as HeartbeatFrame, MODE_HIL};
 use crate::pace::{Distribution, RealTime, now_ns};
+use crate::planner::Planner;
 use crate::profile::{Heartbeat, Pacing, Profile};
 use crate::stream::Streams;
 
@@ -80,6 +81,8 @@ pub struct Bench<'a> {
     fc: FlightController,
     stage: Stage,
     command: ActuatorCommand,
+    /// From the hand-over on.
+    planner: Option<Planner>,
     clock: RealTime,
     figures: Figures,
     received: Vec<u8>,
@@ -155,6 +158,7 @@ impl<'a> Bench<'a> {
             fc: FlightController::default(),
             stage: Stage::Waiting,
             command: ActuatorCommand::SAFE,
+            planner: None,
             clock: RealTime::from_now(flight.time().us(), step_us),
             figures: Figures {
                 start_ns: now_ns(),
@@ -336,8 +340,15 @@ impl<'a> Bench<'a> {
     /// After the samples have left: the other end need not wait for it.
     fn consult(&mut self) {
         if self.stage == Stage::Fallback && self.scenario.file.on_fc_loss == OnFcLoss::Autopilot {
+            let now = self.flight.time();
+            if let Some(planner) = &mut self.planner {
+                planner.deliver(self.flight.autopilot(), now, Duration::ZERO);
+            }
             if let Some(command) = self.flight.autopilot_command() {
                 self.command = command;
+            }
+            if let Some(planner) = &mut self.planner {
+                planner.take(self.flight.autopilot());
             }
             if self.flight.has_touched_down() {
                 let estimate_ned_m = self.flight.autopilot().estimate().position_ned_m;
@@ -543,6 +554,10 @@ impl<'a> Bench<'a> {
             OnFcLoss::Cut => self.command = ActuatorCommand::SAFE,
             OnFcLoss::Autopilot => {
                 self.flight.autopilot().take_over();
+                match Planner::start() {
+                    Ok(planner) => self.planner = Some(planner),
+                    Err(e) => self.live.notice(format!("no thread to plan on, landing by ramps: {e}")),
+                }
                 self.flight.set_reference_elsewhere(None);
                 self.flight.set_source(Source::Autopilot);
                 self.flight.event("handover", "the built-in autopilot flies".to_owned());

@@ -13,6 +13,7 @@ mod serial;
 
 // Flight controllers and time.
 pub mod pace;
+pub mod planner;
 pub mod profile;
 pub mod stream;
 

@@ -13,6 +13,7 @@ use crate::bench::Belief;
 use crate::link::{Link, Notice};
 use crate::mavlink::measurement::Gatherer;
 use crate::mavlink::{ControlsFrame, Decoder, Encoder, MODE_ARMED, MODE_HIL, actuator_controls, heartbeat};
+use crate::planner::Planner;
 
 /// MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, as PX4 sets it.
 const MODE_CUSTOM: u8 = 1;
@@ -21,10 +22,14 @@ const FLAG_LOCKSTEP: u64 = 1;
 /// A plant that was there and is silent for this long has ended.
 const PLANT_SILENCE: Duration = Duration::from_secs(3);
 
+/// Longest wait for a plan that is due: when the plant runs ahead of the wall clock.
+const PLAN_PATIENCE: Duration = Duration::from_millis(50);
+
 /// The built-in autopilot at the end of a link.
 pub struct Pilot {
     fresh: Autopilot,
     autopilot: Autopilot,
+    planner: Planner,
     controls: Controls,
     scale: Scale,
     gatherer: Gatherer,
@@ -40,10 +45,14 @@ pub struct Pilot {
 
 impl Pilot {
     /// A flight controller for a vehicle with these channels.
-    pub fn new(autopilot: Autopilot, controls: Controls, scale: Scale) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// When the system has no thread left to plan on.
+    pub fn new(autopilot: Autopilot, controls: Controls, scale: Scale) -> std::io::Result<Self> {
+        Ok(Self {
             fresh: autopilot.clone(),
             autopilot,
+            planner: Planner::start()?,
             controls,
             scale,
             gatherer: Gatherer::default(),
@@ -54,7 +63,7 @@ impl Pilot {
             last: None,
             next_heartbeat: Instant::now(),
             out: Vec::with_capacity(512),
-        }
+        })
     }
 
     /// Flies until `stop` says so, or until the plant is gone. `tell` hears what is believed.
@@ -98,9 +107,12 @@ impl Pilot {
         if self.last.is_some_and(|last| measurement.time < last) {
             // Another flight on the same link.
             self.autopilot = self.fresh.clone();
+            self.planner.forget();
         }
         self.last = Some(measurement.time);
+        self.planner.deliver(&mut self.autopilot, measurement.time, PLAN_PATIENCE);
         let command = self.autopilot.update(measurement);
+        self.planner.take(&mut self.autopilot);
         self.armed = command.armed;
         let frame = ControlsFrame {
             time_us: measurement.time.us(),

@@ -79,6 +79,11 @@ impl Planning {
         self.late
     }
 
+    /// When the plan that was ordered begins; `None` while none is awaited.
+    pub const fn begins(&self) -> Option<SimTime> {
+        self.begins
+    }
+
     /// Rung of the plan that is flown; `None` while none is.
     pub const fn rung(&self) -> Option<Rung> {
         self.rung

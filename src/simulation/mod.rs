@@ -303,16 +303,20 @@ impl Flight {
     }
 
     /// Lets the built-in autopilot fly: what it commands on the newest measurement. Its phases and aborts
-    /// become events.
+    /// become events. What it orders to be planned is the caller's to solve: [`Flight::plan_in_place`], or a thread.
     pub fn autopilot_command(&mut self) -> Option<ActuatorCommand> {
         let measurement = self.measurement.as_ref()?;
         let command = self.autopilot.update(measurement);
-        if let Some(order) = self.autopilot.take_order() {
-            self.autopilot.deliver(order.solve());
-        }
         self.note_abort(self.autopilot.abort());
         self.note_phase(self.autopilot.phase().name());
         Some(command)
+    }
+
+    /// Solves what the built-in autopilot has ordered, here and now.
+    pub fn plan_in_place(&mut self) {
+        if let Some(order) = self.autopilot.take_order() {
+            self.autopilot.deliver(order.solve());
+        }
     }
 
     /// Notes the phase of the mission, whoever carries it.
@@ -517,6 +521,7 @@ pub fn fly_out(flight: &mut Flight, mut each_step: impl FnMut(&Snapshot)) {
             && let Some(next) = flight.autopilot_command()
         {
             command = next;
+            flight.plan_in_place();
         }
         if end.is_some_and(|end| flight.time() >= end) {
             flight.end(Outcome::Completed);

@@ -100,5 +100,5 @@ pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: Throt
         ThrottleKind::Thrust => ThrottleOutput::Thrust,
         ThrottleKind::Valve => ThrottleOutput::Valve,
     };
-    Ok(Pilot::new(Autopilot::new(parameters), scenario.vehicle.controls.clone(), scale(scenario)))
+    Ok(Pilot::new(Autopilot::new(parameters), scenario.vehicle.controls.clone(), scale(scenario))?)
 }
