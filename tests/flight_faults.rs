@@ -148,10 +148,10 @@ fn who_knows_that_the_propellant_runs_out_comes_down_in_time() {
 
 #[test]
 fn too_much_wind_ends_the_mission() {
-    let storm = scenario("hop_50m", &[("wind.mean_speed_m_s", "14.0"), ("wind.from_deg", "200.0")]);
+    let storm = scenario("hop_50m", &[("wind.mean_speed_m_s", "18.0"), ("wind.from_deg", "200.0")]);
     let flown = flown(&storm, 16, sound_sensors, sound_actuators);
-    record("14 m/s of wind", &flown);
-    // 14 m/s push with 0.77 m/s² by the vehicle file's drag area, over the 0.6 m/s² of the limit.
+    record("18 m/s of wind", &flown);
+    // 18 m/s push with 1.2 m/s² by the vehicle file's drag area, over the 1.0 m/s² of the limit.
     assert_eq!(flown.aborts(), ["wind"]);
     assert_eq!(flown.report.outcome, Outcome::Aborted);
 }

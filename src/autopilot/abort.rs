@@ -68,7 +68,7 @@ impl Default for AbortLimits {
             tilt_s: 0.3,
             gnss_refused: 3,
             gnss_silence_s: 6.0,
-            wind_m_s2: 0.6,
+            wind_m_s2: 1.0,
             tube_m: 5.0,
             cut_tilt_rad: 0.61,
             radius_m: None,

@@ -329,9 +329,10 @@ impl Tracker {
         let reference_q = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(
             ned_from_reference,
         ));
-        // The gimbal's trim is part of the reference: its recoil counts as none.
-        let trim = self.trim_rad(s);
-        let turn = (reference_q.inverse() * q).scaled_axis() + Vec3::new(kx * trim[0], ky * trim[1], 0.0);
+        // The body stands so that the thrust, turned by the trim, points as the reference asks; the trim's recoil is in it.
+        let [trim_x, trim_y] = self.trim_rad(s);
+        let stance = Vec3::new((1.0 - kx) * trim_x, (1.0 - ky) * trim_y, 0.0);
+        let turn = (reference_q.inverse() * q).scaled_axis() - stance;
         let mut x = [0.0; STATES];
         for i in 0..3 {
             x[i] = off[i];
