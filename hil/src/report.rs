@@ -92,6 +92,18 @@ pub fn summary(report: &Report) -> String {
             ));
         }
     }
+    if let Some(ladders) = &report.autopilot {
+        let counts = |rungs: &std::collections::BTreeMap<String, u64>| {
+            let all: Vec<_> = rungs.iter().map(|(rung, count)| format!("{count} {rung}")).collect();
+            if all.is_empty() { "none".to_owned() } else { all.join(", ") }
+        };
+        line(format!(
+            "autopilot      control {}; plans {}, {} late",
+            counts(&ladders.control),
+            counts(&ladders.guidance),
+            ladders.plans_late
+        ));
+    }
     let p = &report.propellant;
     let vapor = match p.nitrous_vapor_kg {
         kg if kg >= 5e-4 => format!(", {kg:.3} as vapour"),

@@ -1,8 +1,8 @@
 //! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate →
 //! torque.
 //!
-//! The swinging engine puts a pair of zeros of torque over gimbal angle at √(T l/(I_g + m_e l_e l)), near
-//! 12 rad/s for this class of vehicle, and the liquid sloshes near 14 rad/s with 3 % damping. The rate
+//! The swinging engine puts a pair of zeros of torque over gimbal angle at √(T (l + s_e/m)/(I_e + s_e l)), with I_e and s_e the
+//! engine's inertia and first moment about the pivot, near 13 rad/s for this class of vehicle, and the liquid sloshes near 14 rad/s with 3 % damping. The rate
 //! loop therefore crosses over near a third of that: above the zeros the gimbal's inertial reaction has
 //! the sign of a rate feedback, so that the loop stays stable, but nothing is gained by going there.
 //! The centre of mass is what is controlled: at the pivot the side force would act the wrong way first.

@@ -1,15 +1,19 @@
 //! The built-in flight controller: flies a whole hop on an estimate made from measurements alone.
 //!
 //! ```text
-//! Measurement → navigation → sequence → reference → tracking control → allocation → ActuatorCommand
-//!               (filter)     (phase)    (guidance)   (control)
+//! Measurement → navigation → sequence → guidance → tracking → allocation → ActuatorCommand
+//!               propellant    abort     planning   (mpc, or
+//!               observer                (lcvx)      control)
 //! ```
 //!
 //! It sees what a flight computer sees and knows what a flight computer is told in [`Parameters`]; neither
 //! vehicle nor plant is in reach. One call of [`Autopilot::update`] per inertial sample (250 Hz) flies;
-//! [`Autopilot::observe`] keeps filter and mass estimate alive while somebody else flies, and
-//! [`Autopilot::take_over`] makes it the pilot from the state of that moment. The reference generator is
-//! the place where optimal guidance goes, the tracking controller the place for predictive control.
+//! [`Autopilot::observe`] keeps filter, mass estimate and disturbance observer alive while somebody else flies, and
+//! [`Autopilot::take_over`] makes it the pilot from the state of that moment. What has to be planned is ordered from its
+//! owner and delivered back ([`planning`]), so that no plan holds up a command.
+//!
+//! Two ladders catch what fails: [`lcvx::Rung`] under the plans, [`tracking::Rung`] under the commands, which ends in the
+//! cascaded loops of [`control`]. Both are counted.
 //!
 //! Position is local: the origin lies on the pad surface under the point where the vehicle was aligned, so
 //! that the constant part of satellite navigation's error cancels.

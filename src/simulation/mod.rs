@@ -12,10 +12,10 @@ mod referee;
 pub mod report;
 
 pub use referee::{Circumstances, Referee, Rules};
-pub use report::{Event, FlownBy, Report, Source};
+pub use report::{Event, FlownBy, Ladders, Report, Source};
 
 use crate::autopilot::abort::{Abort, AbortKind};
-use crate::autopilot::{Autopilot, Estimate, Parameters};
+use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::plant::{Plant, Snapshot};
@@ -440,6 +440,7 @@ impl Flight {
             touchdown,
             max_altitude_m: self.referee.max_altitude_m,
             hover: self.referee.hover(),
+            autopilot: self.ladders(),
             propellant: self.propellant(),
             mass: MassBalance {
                 initial_kg: start.mass_kg,
@@ -459,6 +460,21 @@ impl Flight {
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);
         report.judge(&self.scenario.file.expect, flight_time_s, fc_must_fly);
         report
+    }
+
+    /// What the own autopilot's ladders did, if it flew.
+    fn ladders(&self) -> Option<Ladders> {
+        let (tracker, planning) = (self.autopilot.tracker(), self.autopilot.planning());
+        let stood_on = |counts: &[u64], name: &dyn Fn(usize) -> &'static str| {
+            let rungs = counts.iter().enumerate().filter(|(_, count)| **count > 0);
+            rungs.map(|(i, &count)| (name(i).to_owned(), count)).collect()
+        };
+        let flew = !self.flown_elsewhere && self.flown_by.iter().any(|f| f.source == Source::Autopilot);
+        flew.then(|| Ladders {
+            control: stood_on(&tracker.counts(), &|i| tracking::Rung::ALL[i].name()),
+            guidance: stood_on(&planning.counts(), &|i| lcvx::Rung::ALL[i].name()),
+            plans_late: planning.late(),
+        })
     }
 
     /// What each fluid has come to. Everything that the vehicle's mass lost is in one of the figures.

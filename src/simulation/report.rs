@@ -1,5 +1,7 @@
 //! What a run leaves behind: the object that `--json` prints.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::scenario::{Expect, Outcome};
@@ -23,6 +25,9 @@ pub struct Report {
     pub max_altitude_m: f64,
     /// The hover phase of the mission.
     pub hover: Option<Hover>,
+    /// What the built-in autopilot's ladders did, where it flew in this process.
+    #[serde(default)]
+    pub autopilot: Option<Ladders>,
     /// Fluids and fuel.
     pub propellant: Propellant,
     /// Mass book-keeping.
@@ -40,6 +45,17 @@ pub struct Report {
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
+}
+
+/// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ladders {
+    /// Predictive control, fifty times a second: `solved`, `capped`, `oracle`, `shifted`, `feedback`, `cascade`.
+    pub control: BTreeMap<String, u64>,
+    /// Plans adopted: `optimal`, `previous`, `wide_glide_slope`, `landing_error`, `quintic`, `ramp`, `hold`.
+    pub guidance: BTreeMap<String, u64>,
+    /// Plans that did not come in time.
+    pub plans_late: u64,
 }
 
 /// Who commands the vehicle.

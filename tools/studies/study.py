@@ -65,8 +65,14 @@ class Flight:
         }
 
 
+# What the closed-loop sections were flown with: loops whose gains do not know the model that is being changed.
+CASCADED = {"mission.control": "cascaded", "mission.guidance": "ramps"}
+
+
 def fly(scenario, settings=None, commands=None, rate_hz=50, seed=None):
-    """Flies a scenario with values replaced. `commands` is the text of a schedule."""
+    """Flies a scenario with values replaced. `commands` is the text of a schedule; without it the cascaded controller flies."""
+    if commands is None:
+        settings = CASCADED | (settings or {})
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "flight.csv"
         arguments = [program(), "fly", ROOT / "scenarios" / f"{scenario}.toml", "--json"]
