@@ -342,7 +342,7 @@ impl<'a> Bench<'a> {
         if self.stage == Stage::Fallback && self.scenario.file.on_fc_loss == OnFcLoss::Autopilot {
             let now = self.flight.time();
             if let Some(planner) = &mut self.planner {
-                planner.deliver(self.flight.autopilot(), now, Duration::ZERO);
+                planner.deliver(self.flight.autopilot(), now);
             }
             if let Some(command) = self.flight.autopilot_command() {
                 self.command = command;

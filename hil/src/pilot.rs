@@ -22,9 +22,6 @@ const FLAG_LOCKSTEP: u64 = 1;
 /// A plant that was there and is silent for this long has ended.
 const PLANT_SILENCE: Duration = Duration::from_secs(3);
 
-/// Longest wait for a plan that is due: when the plant runs ahead of the wall clock.
-const PLAN_PATIENCE: Duration = Duration::from_millis(50);
-
 /// The built-in autopilot at the end of a link.
 pub struct Pilot {
     fresh: Autopilot,
@@ -110,7 +107,7 @@ impl Pilot {
             self.planner.forget();
         }
         self.last = Some(measurement.time);
-        self.planner.deliver(&mut self.autopilot, measurement.time, PLAN_PATIENCE);
+        self.planner.deliver(&mut self.autopilot, measurement.time);
         let command = self.autopilot.update(measurement);
         self.planner.take(&mut self.autopilot);
         self.armed = command.armed;

@@ -3,10 +3,10 @@
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hopbench::autopilot::Autopilot;
-use hopbench::autopilot::planning::{Answer, Order};
+use hopbench::autopilot::planning::{Answer, LATENCY_S, Order};
 use hopbench::time::SimTime;
 
 /// Solves what an autopilot orders.
@@ -14,7 +14,8 @@ use hopbench::time::SimTime;
 pub struct Planner {
     orders: SyncSender<Order>,
     answers: Receiver<Answer>,
-    outstanding: bool,
+    /// When the order that is out was taken.
+    ordered: Option<Instant>,
     /// What is being solved belongs to a flight that is over.
     stale: bool,
 }
@@ -34,20 +35,19 @@ impl Planner {
                 }
             }
         })?;
-        Ok(Self { orders, answers, outstanding: false, stale: false })
+        Ok(Self { orders, answers, ordered: None, stale: false })
     }
 
-    /// Before an update at `now`: hands over what is ready. A plan that is due now is waited for up to `patience`,
-    /// which only matters when time runs faster than the wall clock.
-    pub fn deliver(&mut self, autopilot: &mut Autopilot, now: SimTime, patience: Duration) {
-        if !self.outstanding {
-            return;
-        }
+    /// Before an update at `now`: hands over what is ready. A plan that is due is waited for until the wall clock has gone
+    /// through its time too: not at all in real time, up to that when simulated time runs ahead.
+    pub fn deliver(&mut self, autopilot: &mut Autopilot, now: SimTime) {
+        let Some(ordered) = self.ordered else { return };
         let due = autopilot.planning().begins().is_some_and(|begins| now >= begins);
+        let patience = Duration::from_secs_f64(LATENCY_S).saturating_sub(ordered.elapsed());
         let answer =
             if due { self.answers.recv_timeout(patience).ok() } else { self.answers.try_recv().ok() };
         if let Some(answer) = answer {
-            self.outstanding = false;
+            self.ordered = None;
             if !core::mem::take(&mut self.stale) {
                 autopilot.deliver(answer);
             }
@@ -56,15 +56,16 @@ impl Planner {
 
     /// Another flight begins: what is being solved is for nobody.
     pub fn forget(&mut self) {
-        self.stale = self.outstanding;
+        self.stale = self.ordered.is_some();
     }
 
     /// After an update: takes what was ordered. While one is being solved the next waits; it would be late anyway.
     pub fn take(&mut self, autopilot: &mut Autopilot) {
-        if !self.outstanding
+        if self.ordered.is_none()
             && let Some(order) = autopilot.take_order()
+            && self.orders.try_send(order).is_ok()
         {
-            self.outstanding = self.orders.try_send(order).is_ok();
+            self.ordered = Some(Instant::now());
         }
     }
 }

@@ -55,6 +55,9 @@ pub struct AbortLimits {
     /// `runaway`, a cut: share of the weight by which thrust may exceed what was commanded while the vehicle climbs.
     #[schemars(range(min = 0.05, max = 5.0))]
     pub runaway_share: f64,
+    /// `inertial`, a cut: time without an inertial sample (s). From 60 ms on the engine is straight and carries the weight.
+    #[schemars(range(min = 0.1, max = 5.0))]
+    pub inertial_silence_s: f64,
     /// Height under which nothing cuts the engine (m).
     #[schemars(range(min = 0.0, max = 50.0))]
     pub cut_height_m: f64,
@@ -76,6 +79,7 @@ impl Default for AbortLimits {
             impact_speed_m_s: 3.0,
             ballistic_height_m: 5.0,
             runaway_share: 0.35,
+            inertial_silence_s: 0.5,
             cut_height_m: 0.5,
         }
     }
@@ -113,15 +117,18 @@ pub enum AbortReason {
     CannotStop,
     /// Thrust far above the command.
     Runaway,
+    /// Nothing tells how the vehicle moves.
+    Inertial,
 }
 
 impl AbortReason {
     /// All of them, cuts first: of two in one step the graver counts.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Toppling,
         Self::FlightVolume,
         Self::CannotStop,
         Self::Runaway,
+        Self::Inertial,
         Self::Guidance,
         Self::Tilt,
         Self::OffReference,
@@ -143,13 +150,16 @@ impl AbortReason {
             Self::FlightVolume => "flight_volume",
             Self::CannotStop => "cannot_stop",
             Self::Runaway => "runaway",
+            Self::Inertial => "inertial",
         }
     }
 
     /// What it leads to.
     pub const fn kind(self) -> AbortKind {
         match self {
-            Self::Toppling | Self::FlightVolume | Self::CannotStop | Self::Runaway => AbortKind::Cut,
+            Self::Toppling | Self::FlightVolume | Self::CannotStop | Self::Runaway | Self::Inertial => {
+                AbortKind::Cut
+            }
             _ => AbortKind::Land,
         }
     }
@@ -160,6 +170,8 @@ impl AbortReason {
             Self::Tilt => limits.tilt_s,
             Self::Wind => 1.0,
             Self::OffReference | Self::Runaway => 0.5,
+            // The silence has lasted long enough by itself.
+            Self::Inertial => 0.0,
             Self::CannotStop | Self::FlightVolume => 0.2,
             Self::Toppling | Self::Propellant | Self::Navigation | Self::Guidance => 0.1,
         }
@@ -247,6 +259,11 @@ impl AbortWatch {
         self.abort
     }
 
+    /// A decision that fell outside the signs of a step.
+    pub fn declare(&mut self, reason: AbortReason, time: SimTime) {
+        self.abort = Some(Abort { kind: reason.kind(), reason, time });
+    }
+
     /// One step in a phase; gives a decision when it falls.
     pub fn step(
         &mut self,
@@ -312,7 +329,8 @@ fn holds(reason: AbortReason, limits: &AbortLimits, s: &Signs) -> bool {
         AbortReason::Guidance => s.guidance_exhausted,
         AbortReason::OffReference => s.off_reference_m > limits.tube_m,
         AbortReason::Toppling => s.tilt_rad > limits.cut_tilt_rad,
-        AbortReason::FlightVolume => false,
+        // Watched over outside the signs.
+        AbortReason::FlightVolume | AbortReason::Inertial => false,
         AbortReason::CannotStop => {
             // v² - 2 a h is the square of the speed left at the ground.
             let v = s.descent_speed_m_s;

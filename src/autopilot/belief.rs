@@ -183,7 +183,11 @@ impl Autopilot {
     pub(super) fn propellant_low(&self) -> bool {
         let mission = &self.parameters.mission;
         let ramps_s = mission.descent_speed_m_s / mission.acceleration_m_s2;
-        let down_s = self.height_m().max(0.0) / mission.descent_speed_m_s
+        // Who still climbs has to stop first, and comes down from where that is.
+        let climb_m_s = (-self.navigation.point(Vec3::zeros()).1.z).max(0.0);
+        let stop_s = climb_m_s / mission.acceleration_m_s2;
+        let down_s = stop_s
+            + (self.height_m().max(0.0) + 0.5 * climb_m_s * stop_s) / mission.descent_speed_m_s
             + ramps_s
             + mission.terminal_height_m / mission.terminal_speed_m_s;
         let gravity = self.parameters.navigation.gravity_m_s2;

@@ -94,8 +94,8 @@ pub struct Demand {
 const CLIMB_CORRECTION_M_S: f64 = 1.5;
 /// Greatest speed the position error may ask for beyond the reference (m/s).
 const LATERAL_CORRECTION_M_S: f64 = 1.5;
-/// Greatest acceleration the velocity integral may hold: 4 % of gravity, a 15 m/s wind (m/s²).
-const INTEGRAL_LIMIT_M_S2: f64 = 0.8;
+/// Greatest acceleration the velocity integral may hold: an 18 m/s wind, and a gimbal trim of a degree (m/s²).
+const INTEGRAL_LIMIT_M_S2: f64 = 1.4;
 /// Greatest angle, as thrust misalignment, that the attitude integral may hold (rad).
 const TRIM_ANGLE_LIMIT_RAD: f64 = 0.05;
 /// Greatest body rate asked for across the long axis (rad/s).

@@ -110,7 +110,8 @@ impl Autopilot {
         };
         let idle_n = self.parameters.actuators.thrust_min_n;
         match self.sequence.phase() {
-            Phase::Align | Phase::Done => ActuatorCommand::SAFE,
+            // Disarmed, the isolation valve shuts too: a valve that sticks open must not feed what was cut.
+            Phase::Align | Phase::Done | Phase::AbortCut => ActuatorCommand::SAFE,
             Phase::Ready => armed,
             Phase::Ignition => {
                 ActuatorCommand { throttle: self.throttle(idle_n), discrete: Discrete::FLIGHT, ..armed }
@@ -118,7 +119,7 @@ impl Autopilot {
             Phase::Ascent | Phase::Hover | Phase::Descent | Phase::Terminal | Phase::AbortLand => {
                 self.track(dt_s)
             }
-            Phase::Touchdown | Phase::Shutdown | Phase::AbortCut => {
+            Phase::Touchdown | Phase::Shutdown => {
                 ActuatorCommand { discrete: Discrete { igniter: false, ..Discrete::FLIGHT }, ..armed }
             }
         }
@@ -198,7 +199,11 @@ impl Autopilot {
     /// The cascade's integrators from what the observers know.
     pub(super) fn cascade_from_observer(&self) -> Controller {
         let thrust_n = self.propellant.thrust_n();
-        let force = self.observer.force_ned_m_s2;
+        // Air, and the sideways thrust of an engine that is trimmed onto the centre of mass.
+        let arm_m = self.airframe().lever_arm_m.max(0.05);
+        let [trim_x, trim_y] = self.observer.thrust_offset_m.map(|offset| -offset / arm_m);
+        let aside = self.navigation.q_ned_from_body() * Vec3::new(trim_y, -trim_x, 0.0);
+        let force = self.observer.force_ned_m_s2 + aside * (thrust_n / self.propellant.mass_kg.max(1.0));
         // Allocation feeds forward what is known of the thrust line; the observer sees all of it.
         let known = thrust_line_torque_n_m(thrust_n, self.mass_properties().com_body_m);
         let [x, y] = self.observer.thrust_offset_m.map(|offset| -offset * thrust_n);
@@ -232,6 +237,20 @@ impl Autopilot {
             dt_s,
         );
         Demand { thrust_n: demand.thrust_n.min(ceiling_n), ..demand }
+    }
+
+    /// Without knowing the motion: thrust that carries the weight, everything else straight.
+    pub(super) fn blind(&self) -> ActuatorCommand {
+        let weight_n = self.propellant.mass_kg * self.parameters.navigation.gravity_m_s2;
+        let band = &self.parameters.actuators;
+        let thrust_n = (weight_n / self.propellant.trim).clamp(band.thrust_min_n, band.thrust_max_n);
+        ActuatorCommand {
+            throttle: self.throttle(thrust_n),
+            gimbal_x_rad: 0.0,
+            gimbal_y_rad: 0.0,
+            rcs_roll: 0.0,
+            ..self.command
+        }
     }
 
     fn throttle(&self, thrust_n: f64) -> Throttle {

@@ -40,7 +40,7 @@ use crate::input::Invalid;
 use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
 pub use abort::AbortLimits;
-use abort::{Abort, AbortWatch};
+use abort::{Abort, AbortReason, AbortWatch};
 use allocation::{ActuatorParameters, Allocation, ThrustMap};
 use control::{Controller, Gains, Integrate};
 use guidance::Guidance;
@@ -104,6 +104,32 @@ impl Parameters {
                 format!(
                     "{} m must lie under the hover height of {} m",
                     self.mission.terminal_height_m, self.mission.hover_height_m
+                ),
+            ));
+        }
+        let abort = &self.mission.abort;
+        if abort.cut_tilt_rad <= abort.tilt_rad {
+            return Err(Invalid::new(
+                "mission.abort.cut_tilt_rad",
+                format!(
+                    "{} rad must lie over mission.abort.tilt_rad = {} rad",
+                    abort.cut_tilt_rad, abort.tilt_rad
+                ),
+            ));
+        }
+        if let Some(ceiling_m) = abort.ceiling_m.filter(|&c| c <= self.mission.hover_height_m) {
+            return Err(Invalid::new(
+                "mission.abort.ceiling_m",
+                format!("{ceiling_m} m must lie over the hover height of {} m", self.mission.hover_height_m),
+            ));
+        }
+        let [north, east] = self.mission.target_north_east_m;
+        if let Some(radius_m) = abort.radius_m.filter(|&r| r <= libm::hypot(north, east)) {
+            return Err(Invalid::new(
+                "mission.abort.radius_m",
+                format!(
+                    "{radius_m} m must reach beyond the landing point at {:.1} m",
+                    libm::hypot(north, east)
                 ),
             ));
         }
@@ -230,7 +256,7 @@ impl Autopilot {
             Phase::Shutdown | Phase::Done | Phase::AbortCut if self.landed_s > 0.5 => Standing::Landed,
             _ => Standing::No,
         };
-        let Some(dt_s) = self.sense(m, standing) else { return self.command };
+        let Some(dt_s) = self.sense(m, standing) else { return self.without_inertial_sample(m.time) };
 
         let phase = self.sequence.phase();
         let evidence = self.evidence();
@@ -241,6 +267,23 @@ impl Autopilot {
         }
         self.plan(dt_s);
         self.command = self.fly(dt_s);
+        self.command
+    }
+
+    /// Between inertial samples the last command stands, but not for long: then straight and level as far as that goes without
+    /// knowing, and at last a cut.
+    fn without_inertial_sample(&mut self, now: SimTime) -> ActuatorCommand {
+        let silence_s = now.since(self.time).s();
+        if !self.sequence.phase().is_flight() || silence_s <= tracking::OLDEST_PLAN_S {
+            return self.command;
+        }
+        if silence_s > self.parameters.mission.abort.inertial_silence_s {
+            self.abort_watch.declare(AbortReason::Inertial, now);
+            self.sequence.enter(Phase::AbortCut, 0.0);
+            self.command = ActuatorCommand::SAFE;
+        } else {
+            self.command = self.blind();
+        }
         self.command
     }
 

@@ -22,6 +22,8 @@ const FREEZE_S: f64 = 3.0;
 /// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step.
 const TUBE_M: f64 = 0.5;
 const TUBE_M_S: f64 = 0.5;
+/// A plan that is due waits so long for a clock that runs slow (s).
+const JOIN_WAIT_S: f64 = 0.06;
 /// Nodes of a plan.
 const NODES: usize = 30;
 /// The thrust band that plans may use, over the least and the greatest command: the rest is control's.
@@ -60,6 +62,8 @@ impl Order {
 pub struct Planning {
     ordered: u64,
     begins: Option<SimTime>,
+    /// Place on the trajectory flown where the plan joins it (s); `None`: it begins where the vehicle is.
+    join_s: Option<f64>,
     outbox: Option<Order>,
     answer: Option<Plan>,
     next_s: f64,
@@ -162,13 +166,19 @@ impl Autopilot {
         if self.time < begins {
             return;
         }
+        let since_s = self.time.since(begins).s();
+        // The clock on the trajectory has been shifted since: join where the plan begins, not when.
+        let past_s = self.planning.join_s.map_or(since_s, |join_s| self.guidance.elapsed_s() - join_s);
+        if past_s < 0.0 && since_s < JOIN_WAIT_S {
+            return;
+        }
         self.planning.begins = None;
         match self.planning.answer.take() {
             Some(plan) => {
                 self.planning.counts[plan.rung as usize] += 1;
                 self.planning.rung = Some(plan.rung);
                 if plan.rung != Rung::Previous {
-                    self.guidance.follow(plan.trajectory, self.time.since(begins).s());
+                    self.guidance.follow(plan.trajectory, past_s.max(0.0));
                 }
             }
             None => {
@@ -199,14 +209,17 @@ impl Autopilot {
         let now = self.guidance.reference();
         let close = (position - now.position_ned_m).norm() < TUBE_M
             && (velocity - now.velocity_ned_m_s).norm() < TUBE_M_S;
+        let join_s = self.guidance.elapsed_s() + LATENCY_S;
         let from = if close {
             ahead
         } else {
+            let way = self.under_way();
+            let (v, a) = (way.velocity_ned_m_s, way.acceleration_ned_m_s2);
             Reference {
-                position_ned_m: position + velocity * LATENCY_S,
-                velocity_ned_m_s: velocity,
+                position_ned_m: way.position_ned_m + (v + a * (0.5 * LATENCY_S)) * LATENCY_S,
+                velocity_ned_m_s: v + a * LATENCY_S,
                 heading_rad: now.heading_rad,
-                acceleration_ned_m_s2: Vec3::zeros(),
+                ..way
             }
         };
         let Course { mission, .. } = self.course();
@@ -221,6 +234,7 @@ impl Autopilot {
             self.guidance.trajectory().clone().starting(self.time.since(elapsed))
         });
         self.order(&from, target, Some(GLIDE_SLOPE), previous);
+        self.planning.join_s = close.then_some(join_s);
     }
 
     fn order(
@@ -269,6 +283,7 @@ impl Autopilot {
         self.planning.ordered += 1;
         self.planning.begins = Some(begins);
         self.planning.answer = None;
+        self.planning.join_s = None;
         self.planning.outbox = Some(Order { number: self.planning.ordered, request, settings: p.planner });
     }
 }

@@ -68,7 +68,7 @@ pub struct PropellantEstimate {
 }
 
 /// Longest dead time that can be represented, in steps of the IMU.
-const PIPELINE: usize = 8;
+const PIPELINE: usize = 64;
 /// Time constant of the trim: slow against the valve, fast against the flight (s).
 const TRIM_TIME_S: f64 = 0.5;
 /// The trim corrects an engine off its map, not a broken one.

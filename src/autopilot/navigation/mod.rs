@@ -136,6 +136,8 @@ struct Past {
 
 /// Entries of the history: half a second at 250 Hz.
 const HISTORY: usize = 128;
+/// Least time between two of them: a sample at 250 Hz, a little less for clocks that are not round.
+const HISTORY_SPACING: SimTime = SimTime::from_us(3_900);
 
 /// Whether the vehicle is known to stand still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -453,7 +455,11 @@ impl Navigation {
     }
 
     fn remember(&mut self, time: SimTime) {
-        self.newest = (self.newest + 1) % HISTORY;
+        // A faster unit does not shorten the memory: the newest entry moves along until it is far enough from the one before.
+        let before = &self.history[(self.newest + HISTORY - 1) % HISTORY];
+        if self.history[self.newest].time.since(before.time) >= HISTORY_SPACING {
+            self.newest = (self.newest + 1) % HISTORY;
+        }
         self.history[self.newest] = Past {
             time,
             position_ned_m: self.now.position_ned_m,

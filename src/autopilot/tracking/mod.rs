@@ -63,6 +63,8 @@ pub const WEIGHTS: StageCost = StageCost {
 
 /// A plan is flown on for so long without a new one (s).
 pub const OLDEST_PLAN_S: f64 = 0.06;
+/// Sums of steps are not round (s).
+const TIME_ROUNDING_S: f64 = 1e-6;
 /// Without any answer for so long (s), constant feedback gives way to the cascaded controller.
 const FEEDBACK_PATIENCE_S: f64 = 0.5;
 /// An iterate whose constraints are met this well may be flown though not optimal.
@@ -258,6 +260,10 @@ impl Tracker {
             }
             _ => {
                 *self.fresh = mpc::oracle::solve_within(&self.problem, &p.stand_in);
+                if let Some([full, _]) = &self.horizons {
+                    // It has no feedback of its own.
+                    self.fresh.feedback = full.1.feedback;
+                }
                 (self.fresh.status == Status::Solved).then_some(Rung::Oracle)
             }
         };
@@ -266,7 +272,8 @@ impl Tracker {
             self.plan_age_s = 0.0;
             return rung;
         }
-        if self.plan_age_s <= OLDEST_PLAN_S {
+        // It must not grow too old before the next solve.
+        if self.plan_age_s + p.period_s <= OLDEST_PLAN_S + TIME_ROUNDING_S {
             Rung::Shifted
         } else if self.plan_age_s <= FEEDBACK_PATIENCE_S && self.horizons.is_some() {
             Rung::Feedback
@@ -329,10 +336,8 @@ impl Tracker {
         let reference_q = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(
             ned_from_reference,
         ));
-        // The body stands so that the thrust, turned by the trim, points as the reference asks; the trim's recoil is in it.
-        let [trim_x, trim_y] = self.trim_rad(s);
-        let stance = Vec3::new((1.0 - kx) * trim_x, (1.0 - ky) * trim_y, 0.0);
-        let turn = (reference_q.inverse() * q).scaled_axis() - stance;
+        let stance = self.stance_rad(s);
+        let turn = (reference_q.inverse() * q).scaled_axis() - Vec3::new(stance[0], stance[1], 0.0);
         let mut x = [0.0; STATES];
         for i in 0..3 {
             x[i] = off[i];
@@ -349,6 +354,12 @@ impl Tracker {
         s.observer.thrust_offset_m.map(|offset| -offset / s.airframe.lever_arm_m.max(0.05))
     }
 
+    /// How the body stands so that the thrust, turned by the trim, points as the reference asks, the trim's recoil in it (rad).
+    fn stance_rad(&self, s: &Situation) -> [f64; 2] {
+        let trim = self.trim_rad(s);
+        [0, 1].map(|i| (1.0 - s.airframe.recoil[i]) * trim[i])
+    }
+
     /// The quadratic program of this moment.
     fn fill(
         &mut self,
@@ -360,11 +371,11 @@ impl Tracker {
     ) {
         let (h, n) = (p.stage_s, p.stages.clamp(2, mpc::MAX_STAGES));
         let trim = self.trim_rad(s);
-        let [tilt_x, tilt_y] = [p.tilt_rad; 2];
+        let stance = self.stance_rad(s);
         let pose_at = |k: usize| pose_for(s, &ahead(latency_s + k as f64 * h));
         let tilt_of = |pose: &Pose| Tilt {
-            min: [(-tilt_x - pose.tilt_rad[0]) / ANGLE_RAD, (-tilt_y - pose.tilt_rad[1]) / ANGLE_RAD],
-            max: [(tilt_x - pose.tilt_rad[0]) / ANGLE_RAD, (tilt_y - pose.tilt_rad[1]) / ANGLE_RAD],
+            min: [0, 1].map(|i| (-p.tilt_rad - pose.tilt_rad[i] - stance[i]) / ANGLE_RAD),
+            max: [0, 1].map(|i| (p.tilt_rad - pose.tilt_rad[i] - stance[i]) / ANGLE_RAD),
         };
         let mut pose = pose_at(0);
         let mut next = pose_at(1);
