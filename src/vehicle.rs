@@ -682,15 +682,6 @@ impl Vehicle {
             valve_rad
         }
     }
-
-    /// What full scale of the control channels means.
-    pub fn control_scale(&self) -> crate::controls::Scale {
-        crate::controls::Scale {
-            thrust_rated_n: self.rating.thrust_rated_n,
-            valve_open_rad: self.valve_servo.upper_rad,
-            gimbal_limit_rad: self.gimbal.limit_rad,
-        }
-    }
 }
 
 fn to_frd(v: &mut [f64; 3]) {

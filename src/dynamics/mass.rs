@@ -240,17 +240,6 @@ impl MassProperties {
         self.inertia_kg_m2 - point_inertia(self.centre_of_mass_body_m()) * self.mass_kg
     }
 
-    /// The same body with a point mass carried from one place to another: the liquid's sloshing share.
-    #[must_use]
-    pub fn with_moved_mass(&self, mass_kg: f64, from_body_m: Vec3, to_body_m: Vec3) -> Self {
-        Self {
-            mass_kg: self.mass_kg,
-            first_moment_kg_m: self.first_moment_kg_m + (to_body_m - from_body_m) * mass_kg,
-            inertia_kg_m2: self.inertia_kg_m2
-                + (point_inertia(to_body_m) - point_inertia(from_body_m)) * mass_kg,
-        }
-    }
-
     fn add(&mut self, other: &Self) {
         self.mass_kg += other.mass_kg;
         self.first_moment_kg_m += other.first_moment_kg_m;

@@ -137,16 +137,20 @@ impl CampaignFile {
     pub fn read(document: &Document) -> Result<Self, InputError> {
         let file: Self = document.read()?;
         let mut faults = Vec::new();
-        let mut columns = BTreeSet::new();
+        // A name is a random stream: two entries of one name would draw as one.
+        let (mut names, mut columns) = (BTreeSet::new(), BTreeSet::new());
         for (index, entry) in file.dispersion.iter().enumerate() {
             let within = format!("dispersion.{index}");
             if let Err(fault) = entry.validate() {
                 faults.push(fault.within(&within));
             }
-            if !entry.columns().into_iter().all(|column| columns.insert(column)) {
+            let new_columns = entry.columns().into_iter().all(|column| columns.insert(column));
+            if !(names.insert(entry.name()) && new_columns) {
                 let message =
                     format!("an entry above is \"{}\" too: each needs a name of its own", entry.name());
-                faults.push(Invalid::new(format!("{within}.name"), message));
+                // Without a name the key stands for it.
+                let key = if entry.name.is_some() { "name" } else { "key" };
+                faults.push(Invalid::new(format!("{within}.{key}"), message));
             }
         }
         let mut names = BTreeSet::new();

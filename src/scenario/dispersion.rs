@@ -16,7 +16,7 @@ use crate::noise::stream;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Dispersion {
-    /// Name of its random stream and of its column; absent: the key.
+    /// Name of its random stream and, with the key, of its column: letters, digits, blanks, `-` and `_`, and no other entry's; absent: the key.
     pub name: Option<String>,
     /// What is drawn: the dotted path in the scenario file, or `vehicle.` and the dotted path in the vehicle file; a number indexes a list, `*` is every entry of it.
     pub key: String,
@@ -111,14 +111,21 @@ impl Dispersion {
         std::iter::once(&self.key).chain(&self.also)
     }
 
-    /// Names of the numbers that one draw has.
+    /// Names of the numbers that one draw has: the entry's, and in brackets the key, whose end is their unit, or of
+    /// what they are a share.
     pub fn columns(&self) -> Vec<String> {
+        let unit = match (self.mode, &self.name) {
+            (Mode::Factor, _) => format!(" [share of {}]", self.key),
+            (_, Some(_)) => format!(" [{}]", self.key),
+            (_, None) => String::new(),
+        };
+        let name = self.name();
         match self.distribution {
             Distribution::Normal | Distribution::Uniform | Distribution::Choice => {
-                vec![self.name().to_owned()]
+                vec![format!("{name}{unit}")]
             }
             Distribution::Circle | Distribution::Disc => {
-                (0..2).map(|axis| format!("{}.{axis}", self.name())).collect()
+                (0..2).map(|axis| format!("{name}.{axis}{unit}")).collect()
             }
         }
     }
@@ -128,6 +135,13 @@ impl Dispersion {
     /// # Errors
     /// When the figures are not those of the distribution, or the key is no business of chance.
     pub fn validate(&self) -> Result<(), Invalid> {
+        if let Some(name) = &self.name {
+            let plain = |c: char| c.is_ascii_alphanumeric() || [' ', '-', '_'].contains(&c);
+            if name.is_empty() || name.trim() != name || !name.chars().all(plain) {
+                let message = format!("\"{name}\": letters, digits, - and _ only, and blanks between them");
+                return Err(Invalid::new("name", message));
+            }
+        }
         let takes = self.distribution.takes();
         let given: Vec<&str> = [
             ("std", self.std.is_some()),
@@ -158,7 +172,8 @@ impl Dispersion {
         if self.values.as_ref().is_some_and(Vec::is_empty) {
             return Err(Invalid::new("values", "expected at least 1 entry, got 0"));
         }
-        if self.columns().len() == 2 && self.mode == Mode::Factor {
+        if matches!(self.distribution, Distribution::Circle | Distribution::Disc) && self.mode == Mode::Factor
+        {
             return Err(Invalid::new("mode", format!("\"factor\" means nothing beside \"{name}\"")));
         }
         // The autopilot flies the mission as written, and a flight is judged by the campaign.
