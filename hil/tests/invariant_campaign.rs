@@ -2,8 +2,9 @@
 //! every flight again on its own, and the name of what is wrong.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
 
 use hopbench::simulation::{Flight, fly_out, outfit};
 use hopbench_hil::campaign::Campaign;
@@ -62,6 +63,10 @@ fn campaign(folder: &Path, rest: &str) -> PathBuf {
 }
 
 fn hopbench(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hopbench"));
     command.args(arguments);
     for pair in SHORT {
@@ -69,7 +74,7 @@ fn hopbench(arguments: &[&str]) -> Output {
     }
     // A campaign without --out makes its folder where it is called.
     command.current_dir(env!("CARGO_TARGET_TMPDIR"));
-    command.output().unwrap()
+    command
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -135,6 +140,72 @@ fn an_interrupted_campaign_goes_on_where_it_stopped() {
     assert_eq!(other.status.code(), Some(2));
     assert!(text(&other.stderr).contains("holds flights of another campaign"), "{}", text(&other.stderr));
     assert_eq!(flights(&out), table);
+}
+
+/// Flights in the air are flown out and kept, and there are no others; the same folder goes on from there.
+#[test]
+fn ctrl_c_keeps_what_was_flown() {
+    let (file, whole) = whole();
+    let out = folder("stopped");
+    let arguments =
+        ["campaign", file.to_str().unwrap(), "--jobs", "2", "--out", out.to_str().unwrap(), "--runs"];
+    let many = [&arguments[..], &["400"]].concat();
+    let mut running = command(&many).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let lines = || std::fs::read_to_string(out.join("flights.csv")).map_or(0, |table| table.lines().count());
+    while lines() < 3 {
+        assert_eq!(running.try_wait().unwrap(), None, "it ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let signalled = Command::new("kill").args(["-INT", &running.id().to_string()]).status().unwrap();
+    assert!(signalled.success());
+    let ended = running.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(130), "{}", text(&ended.stderr));
+    let kept = lines() - 1;
+    let said = format!("interrupted: {kept} of 400 flights kept in {}", out.display());
+    assert!(text(&ended.stderr).contains(&said), "{}", text(&ended.stderr));
+    assert!(text(&ended.stderr).contains("the same --out goes on"), "{}", text(&ended.stderr));
+    assert_eq!(ended.stdout, b"", "no verdict");
+    let runs = kept.max(RUNS).to_string();
+    let gone_on = hopbench(&[&arguments[..], &[runs.as_str()]].concat());
+    assert_eq!(gone_on.status.code(), Some(0), "{}", text(&gone_on.stderr));
+    let table = flights(&out);
+    assert!(table.starts_with(&flights(whole)), "{table}");
+}
+
+/// A bare rate is luck: one flight of one bounds the rate at 0.05, Clopper and Pearson's 0.05^(1/1), and 59 of 59 would
+/// be needed for 95 %.
+#[test]
+fn a_rate_met_is_not_called_proven() {
+    let (file, _) = whole();
+    let out = folder("verdict");
+    let arguments =
+        ["campaign", file.to_str().unwrap(), "--runs", "1", "--json", "--out", out.to_str().unwrap()];
+    let json = hopbench(&arguments);
+    let summary: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!((&summary["passed"], &summary["proven"]), (&true.into(), &false.into()));
+    assert_eq!(json.status.code(), Some(0));
+    let told = hopbench(&[&arguments[..4], &arguments[5..]].concat());
+    let expected = "PASSED: wanted 99 %; rate met, not proven: at least 5.00 % at 95 % confidence";
+    assert!(text(&told.stdout).contains(expected), "{}", text(&told.stdout));
+}
+
+/// Each column ends with the key whose value was drawn, and the key with the unit.
+#[test]
+fn drawn_columns_tell_their_unit() {
+    let (_, whole) = whole();
+    let head = flights(whole).lines().next().unwrap().to_owned();
+    let expected = "run,seed,variant,wind.mean_speed_m_s,mass [share of vehicle.component.*.mass_kg],\
+        centre of mass.0 [vehicle.component.0.position_m],centre of mass.1 [vehicle.component.0.position_m],outcome,";
+    assert!(head.starts_with(expected), "{head}");
+}
+
+#[test]
+fn a_file_behind_merge_is_told_where_it_belongs() {
+    let (file, whole) = whole();
+    let ended = hopbench(&["campaign", "--merge", whole.to_str().unwrap(), file.to_str().unwrap()]);
+    assert_eq!(ended.status.code(), Some(2));
+    let said = text(&ended.stderr);
+    assert!(said.contains("hopbench campaign FILE --merge DIR DIR, with --runs and --seed"), "{said}");
 }
 
 #[test]
@@ -224,6 +295,23 @@ fn what_is_wrong_is_named_with_line_key_and_range() {
     assert!(refused.contains("is out of range; allowed 0 to 10000 (given by "), "{refused}");
     assert!(refused.contains("short.toml:3 vehicle.component.0.mass_kg)"), "{refused}");
     assert!(refused.contains("drawn for seed 1: vehicle.component.0.mass_kg = -1."), "{refused}");
+    // Two entries of one name would draw as one, whatever their columns are.
+    let named = |name: &str, rest: &str| {
+        format!("[[dispersion]]\nkey = \"wind.from_deg\"\nsource = \"a test\"\nname = \"{name}\"\n{rest}")
+    };
+    let disc = "distribution = \"disc\"\nradius = 1.0\n";
+    has(
+        &format!("runs = 1\n{}{}", named("gust", &wild), named("gust", disc)),
+        "short.toml:12: dispersion.1.name: an entry above is \"gust\" too: each needs a name of its own",
+    );
+    for name in ["", " a", "a,b", "a.0"] {
+        let plain = format!("short.toml:6: dispersion.0.name: \"{name}\": letters, digits, - and _ only");
+        has(&format!("runs = 1\n{}", named(name, &wild)), &plain);
+    }
+    for name in ["seed", "state_hash", "control_error_m"] {
+        let taken = format!("short.toml:6: dispersion.0.name: \"{name}\" is a column of flights.csv already");
+        has(&format!("runs = 1\n{}", named(name, &wild)), &taken);
+    }
     let unknown = "runs = 1\n[[variant]]\nname = \"a\"\nset = { \"mission.speed\" = 1 }\n";
     has(unknown, "mission.speed: unknown key");
 }
@@ -245,7 +333,7 @@ fn the_campaigns_of_this_repository_can_be_drawn() {
         let mut campaign = Campaign::open(&entry.unwrap().path(), &[]).unwrap();
         assert!(campaign.file.runs >= 1000, "{}", campaign.name);
         campaign.file.runs = 20;
-        campaign.check_draws(&campaign.slots(), 2).unwrap();
+        campaign.check_draws(&campaign.slots(), 2, &AtomicBool::new(false)).unwrap();
         found += 1;
     }
     assert!(found >= 3);

@@ -207,7 +207,7 @@ pub fn merged(campaign: &Campaign, folders: &[PathBuf]) -> Result<Vec<(Slot, Row
     let missing: Vec<&Slot> = slots.iter().filter(|slot| !rows.contains_key(slot)).collect();
     if let Some(first) = missing.first() {
         let message = format!(
-            "these folders lack {} of {} flights, the first of seed {}",
+            "these folders lack {} of {} flights, the first of seed {}; flown with --runs N they merge with --runs N",
             missing.len(),
             slots.len(),
             campaign.seed(first.run)

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use anyhow::Result;
@@ -77,6 +77,13 @@ impl Campaign {
             return Err(load::unusable(path, "no campaign: it names no scenario = \"FILE\""));
         }
         let file = CampaignFile::read(&document)?;
+        for (index, entry) in file.dispersion.iter().enumerate() {
+            if table::reserved(entry.name()) {
+                let message = format!("\"{}\" is a column of {} already", entry.name(), table::FILE);
+                let fault = Invalid::new(format!("dispersion.{index}.name"), message);
+                return Err(document.error(vec![fault]));
+            }
+        }
         let scenario = path.parent().unwrap_or(Path::new(".")).join(&file.scenario);
         let mut configurations = Vec::new();
         for (index, variant) in file.variants().into_iter().enumerate() {
@@ -188,7 +195,7 @@ impl Campaign {
             .zip(draws)
             .map(|(entry, draw)| {
                 let numbers: Vec<String> = draw.iter().map(f64::to_string).collect();
-                format!("{} = {}", entry.name(), numbers.join(", "))
+                format!("{} = {}", entry.columns().join(", "), numbers.join(", "))
             })
             .collect();
         error.faults.push(Fault {
@@ -199,13 +206,13 @@ impl Campaign {
         error
     }
 
-    /// Draws for many, and flies none.
+    /// Draws for many, and flies none; `stop` ends it early.
     ///
     /// # Errors
     /// The first, in order, of a value that no such vehicle or flight can have.
-    pub fn check_draws(&self, slots: &[Slot], jobs: usize) -> Result<(), InputError> {
+    pub fn check_draws(&self, slots: &[Slot], jobs: usize, stop: &AtomicBool) -> Result<(), InputError> {
         let draw = |slot: Slot| self.dispersed(slot.configuration, self.seed(slot.run)).map(|_| ());
-        in_order(slots, jobs, draw, |()| Ok(()))
+        in_order(slots, jobs, stop, draw, |()| Ok(()))
     }
 
     fn draws(&self, seed: u32) -> Vec<Vec<f64>> {
@@ -232,14 +239,22 @@ impl Campaign {
         Ok(Flown { row, report })
     }
 
-    /// Flies many, `jobs` at a time; `each` sees their rows in order, as they come.
+    /// Flies many, `jobs` at a time; `each` sees their rows in order, as they come. Once `stop` is set no flight
+    /// begins, and those in the air are flown out.
     ///
     /// # Errors
     /// The first, in order, of a flight that cannot be; or what `each` says.
-    pub fn fly_all(&self, slots: &[Slot], jobs: usize, each: impl FnMut(Row) -> Result<()>) -> Result<()> {
+    pub fn fly_all(
+        &self,
+        slots: &[Slot],
+        jobs: usize,
+        stop: &AtomicBool,
+        each: impl FnMut(Row) -> Result<()>,
+    ) -> Result<()> {
         in_order(
             slots,
             jobs,
+            stop,
             |slot| Ok(self.fly(slot.configuration, self.seed(slot.run)).map(|flown| flown.row)?),
             each,
         )
@@ -247,10 +262,11 @@ impl Campaign {
 }
 
 /// Works on many, `jobs` at a time; `each` sees the results in order, as they come. The first failure, in order,
-/// ends it.
+/// ends it, and so does `stop`, after what has begun.
 fn in_order<T: Send, E: Send>(
     slots: &[Slot],
     jobs: usize,
+    stop: &AtomicBool,
     work: impl Fn(Slot) -> Result<T, E> + Sync,
     mut each: impl FnMut(T) -> Result<(), E>,
 ) -> Result<(), E> {
@@ -260,7 +276,10 @@ fn in_order<T: Send, E: Send>(
         for _ in 0..jobs.clamp(1, slots.len().max(1)) {
             let (next, work, send) = (&next, &work, send.clone());
             threads.spawn(move || {
-                while let Some(slot) = slots.get(next.fetch_add(1, Ordering::Relaxed)) {
+                // Asked before a slot is taken: what is taken is done, so that no gap is left.
+                while !stop.load(Ordering::Relaxed)
+                    && let Some(slot) = slots.get(next.fetch_add(1, Ordering::Relaxed))
+                {
                     if send.send((*slot, work(*slot))).is_err() {
                         return;
                     }
@@ -272,7 +291,7 @@ fn in_order<T: Send, E: Send>(
         let mut early = BTreeMap::new();
         let mut take = |slot: &Slot| {
             while !early.contains_key(slot) {
-                // Without a sender a worker has panicked, which the scope passes on.
+                // Without a sender all have stopped, or a worker has panicked, which the scope passes on.
                 let Ok((slot, result)) = receive.recv() else { return Ok(()) };
                 early.insert(slot, result);
             }

@@ -32,6 +32,8 @@ pub struct Summary {
     pub success: Success,
     /// Whether every variant succeeded often enough; null for a shard, which proves nothing alone.
     pub passed: Option<bool>,
+    /// Whether the flights prove the rate wanted: the one-sided bound of every variant reaches it; null for a shard.
+    pub proven: Option<bool>,
     /// What flew.
     pub variants: Vec<VariantSummary>,
     /// Each further variant against the first.
@@ -105,6 +107,8 @@ pub struct Worst {
     pub seed: u32,
     /// How it ended.
     pub outcome: String,
+    /// Why it failed, as in the table; empty after a success.
+    pub cause: String,
     /// The figure closest to its limit; null for a flight that did not touch down.
     pub figure: Option<&'static str>,
     /// Its value.
@@ -190,6 +194,7 @@ impl Summary {
             .map(|second| Comparison::new(&campaign.configurations[0].name, &second.name, rows))
             .collect();
         let all_passed = variants.iter().all(|variant| success.passed(variant.successes, variant.flights));
+        let proven = lowest(&variants) >= success.min_rate;
         Self {
             campaign: campaign.name.clone(),
             description: campaign.file.description.clone(),
@@ -200,6 +205,7 @@ impl Summary {
             shard: shard.map(|shard| shard.to_string()),
             success,
             passed: shard.is_none().then_some(all_passed),
+            proven: shard.is_none().then_some(proven),
             variants,
             comparisons,
             run: None,
@@ -224,19 +230,38 @@ impl Summary {
             comparison.write(&mut text);
         }
         let _ = match self.passed {
-            None => writeln!(text, "\nA shard proves nothing alone: merge them with --merge DIR DIR …"),
-            Some(passed) => {
-                let most =
-                    self.success.max_failures.map_or(String::new(), |n| format!(", at most {n} failures"));
-                let wanted = format!("wanted {} %{most}", trim(100.0 * self.success.min_rate));
-                writeln!(text, "\n{}: {wanted}", if passed { "PASSED" } else { "FAILED" })
-            }
+            None => writeln!(
+                text,
+                "\nA shard proves nothing alone: hopbench campaign FILE --runs {} --merge DIR DIR …",
+                self.runs
+            ),
+            Some(passed) => writeln!(text, "\n{}", self.verdict(passed)),
         };
         if let Some(run) = &self.run {
             let _ = writeln!(text, "campaign       {run}");
         }
         text
     }
+
+    /// What was wanted, and whether the flights met it by luck or prove it.
+    fn verdict(&self, passed: bool) -> String {
+        let word = if passed { "PASSED" } else { "FAILED" };
+        let most = self.success.max_failures.map_or(String::new(), |n| format!(", at most {n} failures"));
+        let wanted = trim(100.0 * self.success.min_rate);
+        let shown = match (passed, self.proven) {
+            (false, _) => "not met",
+            (true, Some(true)) => "proven",
+            (true, _) => "rate met, not proven",
+        };
+        // Rounded down, lest it overstate; the bound itself is good to 1e-12.
+        let bound = (1e4 * lowest(&self.variants) + 1e-6).floor() * 1e-2;
+        format!("{word}: wanted {wanted} %{most}; {shown}: at least {bound:.2} % at 95 % confidence")
+    }
+}
+
+/// The lowest one-sided bound of any variant.
+fn lowest(variants: &[VariantSummary]) -> f64 {
+    variants.iter().map(|variant| variant.clopper_pearson.one_sided_95_lower).fold(1.0, f64::min)
 }
 
 impl VariantSummary {
@@ -306,7 +331,9 @@ impl VariantSummary {
                 }
                 _ => "no touchdown".to_owned(),
             };
-            let _ = writeln!(text, "worst          seed {}: {}, {at}", worst.seed, worst.outcome);
+            // The cause of a flight that did not land names the abort; of one that did, the figure below.
+            let ended = if worst.outcome == "landed" { &worst.outcome } else { &worst.cause };
+            let _ = writeln!(text, "worst          seed {}: {ended}, {at}", worst.seed);
         }
     }
 }
@@ -385,6 +412,7 @@ impl Worst {
         let worst = Self {
             seed: row.seed,
             outcome: row.outcome.clone(),
+            cause: row.cause.clone(),
             figure: closest.map(|c| c.1),
             value: closest.map(|c| c.2),
             limit: closest.map(|c| c.3),

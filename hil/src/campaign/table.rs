@@ -231,6 +231,11 @@ pub fn write(folder: &Path, columns: &[String], rows: &[&Row]) -> Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// Whether a name is that of a column of every table.
+pub fn reserved(name: &str) -> bool {
+    header(&[]).iter().any(|column| column == name)
+}
+
 fn header(columns: &[String]) -> Vec<String> {
     let mut header: Vec<String> = ["run", "seed", "variant"].map(str::to_owned).to_vec();
     header.extend(columns.iter().cloned());

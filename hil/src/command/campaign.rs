@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Result;
-use hopbench::input::{Fault, InputError};
 
-use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use super::{Common, DONE, INTERRUPTED, UNEXPECTED, hil, print_json, print_text, wrong};
 use crate::campaign::folder::{CampaignFolder, Shard, merged};
 use crate::campaign::summary::{Summary, share};
 use crate::campaign::{Campaign, Slot, picture};
@@ -17,8 +17,9 @@ use crate::report::{RunFolder, summary};
 /// Fly a scenario many times with values drawn anew; statistics with confidence bounds
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Campaign file
-    pub campaign: PathBuf,
+    /// Campaign file; before --merge, which takes all that follows it for folders
+    #[arg(required_unless_present = "merge")]
+    pub campaign: Option<PathBuf>,
     /// Flights of each variant; replaces the file's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub runs: Option<u32>,
@@ -28,7 +29,7 @@ pub struct Args {
     /// Fly share I of N, counted from 1, to be merged later
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
-    /// Fly nothing: put the flights of these folders together in --out, and judge them
+    /// Fly nothing: put the flights of these folders together in --out, and judge them: `campaign FILE --merge DIR DIR`, with --runs and --seed as they were flown
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "shard")]
     pub merge: Vec<PathBuf>,
     /// Fly the flight of this seed alone, the same bits as in the campaign, and print its full report
@@ -39,9 +40,14 @@ pub struct Args {
     pub variant: Option<String>,
 }
 
-/// Runs the command. A campaign that was interrupted goes on where it stopped when it gets the same --out.
+/// Runs the command. A campaign that was interrupted goes on where it stopped when it gets the same --out. Whether it
+/// passed, and with it the exit code, follows from the rate met; whether that proves anything is said beside it.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
-    let mut campaign = Campaign::open(&args.campaign, &common.set)?;
+    let Some(file) = &args.campaign else {
+        let message = "took FILE for a folder: hopbench campaign FILE --merge DIR DIR, with --runs and --seed as they were flown";
+        return Err(wrong("--merge", message.to_owned()).into());
+    };
+    let mut campaign = Campaign::open(file, &common.set)?;
     campaign.file.runs = args.runs.unwrap_or(campaign.file.runs);
     campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
     if campaign.file.seed.checked_add(campaign.file.runs).is_none() {
@@ -53,16 +59,17 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     let slots = share(campaign.slots(), args.shard);
     let jobs = args.jobs.map_or_else(cores, usize::from);
+    let stop = hil::stop_on_signal()?;
     if args.merge.is_empty() {
         // A value that cannot be is said now, not after hours.
-        campaign.check_draws(&slots, jobs)?;
+        campaign.check_draws(&slots, jobs, &stop)?;
     }
     let mut folder = match &common.out {
         Some(path) => CampaignFolder::open(path, &campaign)?,
         None => CampaignFolder::open(RunFolder::for_run_of(&campaign.name)?.path(), &campaign)?,
     };
     if args.merge.is_empty() {
-        fly(&campaign, &slots, jobs, &mut folder)?;
+        fly(&campaign, &slots, jobs, &stop, &mut folder)?;
     } else {
         for (slot, row) in merged(&campaign, &args.merge)? {
             if !folder.has(slot) {
@@ -72,6 +79,16 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     folder.settle()?;
     let rows = folder.rows(&slots);
+    if rows.len() < slots.len() {
+        // Only a signal ends it early.
+        eprintln!(
+            "interrupted: {} of {} flights kept in {}; the same --out goes on",
+            rows.len(),
+            slots.len(),
+            folder.path().display()
+        );
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
     let mut result = Summary::new(&campaign, &rows, args.shard, &common.set);
     folder.leave("summary.json", &(serde_json::to_string_pretty(&result)? + "\n"))?;
     for configuration in &campaign.configurations {
@@ -102,15 +119,14 @@ pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-fn wrong(key: &str, message: String) -> InputError {
-    InputError {
-        file: "command line".to_owned(),
-        faults: vec![Fault { line: None, key: key.to_owned(), message }],
-    }
-}
-
-/// Flies what the folder lacks.
-fn fly(campaign: &Campaign, slots: &[Slot], jobs: usize, folder: &mut CampaignFolder) -> Result<()> {
+/// Flies what the folder lacks, until `stop` is set.
+fn fly(
+    campaign: &Campaign,
+    slots: &[Slot],
+    jobs: usize,
+    stop: &AtomicBool,
+    folder: &mut CampaignFolder,
+) -> Result<()> {
     let missing: Vec<Slot> = slots.iter().copied().filter(|slot| !folder.has(*slot)).collect();
     let mut live = Live::stderr();
     if missing.len() < slots.len() {
@@ -119,7 +135,7 @@ fn fly(campaign: &Campaign, slots: &[Slot], jobs: usize, folder: &mut CampaignFo
     let start = Instant::now();
     let (mut flown, mut failed) = (0, 0);
     let mut slot = missing.iter();
-    campaign.fly_all(&missing, jobs, |row| {
+    campaign.fly_all(&missing, jobs, stop, |row| {
         flown += 1;
         failed += usize::from(!row.success);
         if let Some(slot) = slot.next() {

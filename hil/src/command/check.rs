@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
 use hopbench::input::{Fault, InputError};
@@ -80,7 +81,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             let mut campaign = Campaign::open(&args.file, &common.set)?;
             campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
             // Every draw of every flight, so that none is refused later.
-            campaign.check_draws(&campaign.slots(), super::campaign::cores())?;
+            campaign.check_draws(&campaign.slots(), super::campaign::cores(), &AtomicBool::new(false))?;
             campaign.configurations.remove(0).nominal.vehicle
         }
     };

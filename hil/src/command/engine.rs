@@ -5,11 +5,11 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use hopbench::fluid::Nitrous;
-use hopbench::input::{Fault, InputError};
+use hopbench::input::InputError;
 use hopbench::propulsion::{EngineCondition, Guess};
 use hopbench::vehicle::Vehicle;
 
-use super::{Common, DONE, check, print_json, print_text};
+use super::{Common, DONE, check, print_json, print_text, wrong};
 use crate::load;
 use crate::report::RunFolder;
 use crate::throttle_map::{Point, ThrottleMap};
@@ -21,25 +21,25 @@ pub struct Args {
     /// Vehicle file
     pub vehicle: PathBuf,
     /// The point that gives this thrust (N)
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub thrust_n: Option<f64>,
     /// The point at this valve angle (deg)
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub valve_deg: Option<f64>,
     /// Points over every thrust that can be asked for; with --out DIR also throttle_map.svg, sweep.csv and sweep.json there
     #[arg(long)]
     pub sweep: bool,
     /// Port radius (mm); the vehicle file's start value if absent
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub port_radius_mm: Option<f64>,
     /// Throat radius (mm); the vehicle file's start value if absent
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub throat_radius_mm: Option<f64>,
     /// Tank temperature (K); the vehicle file's if absent
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub tank_k: Option<f64>,
     /// Tank pressure (bar); the vehicle file's if absent
-    #[arg(long, value_name = "P")]
+    #[arg(long, value_name = "P", allow_negative_numbers = true)]
     pub tank_bar: Option<f64>,
 }
 
@@ -48,14 +48,7 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64, InputErr
     if (least..=most).contains(&value) {
         return Ok(value);
     }
-    Err(InputError {
-        file: "command line".to_owned(),
-        faults: vec![Fault {
-            line: None,
-            key: name.to_owned(),
-            message: format!("{value} is out of range; allowed {least} to {most}"),
-        }],
-    })
+    Err(wrong(name, format!("{value} is out of range; allowed {least} to {most}")))
 }
 
 /// Runs the command.

@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use hopbench::input::{Fault, InputError};
+use hopbench::input::InputError;
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
-use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text};
+use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
 use crate::bench::{Belief, Bench, Options};
 use crate::link::{Link, LinkSpec};
 use crate::live::Live;
@@ -277,12 +277,5 @@ fn sensor_rate(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(hz) if hz > 0 && 1000 % hz == 0 => Ok(hz),
         _ => Err("allowed: the divisors of 1000".to_owned()),
-    }
-}
-
-fn wrong(key: &str, message: String) -> InputError {
-    InputError {
-        file: "command line".to_owned(),
-        faults: vec![Fault { line: None, key: key.to_owned(), message }],
     }
 }

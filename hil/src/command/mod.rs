@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use hopbench::input::{Fault, InputError};
+
 pub mod autopilot;
 pub mod campaign;
 pub mod check;
@@ -16,7 +18,7 @@ pub struct Common {
     /// Print one JSON object on stdout; everything else goes to stderr
     #[arg(long, global = true)]
     pub json: bool,
-    /// Seed of every random stream; replaces the scenario's
+    /// Seed of every random stream; replaces the scenario's. Of a campaign the seed of its first flight, the next one's is one more
     #[arg(long, global = true, value_name = "N")]
     pub seed: Option<u32>,
     /// Folder that receives the run
@@ -36,9 +38,20 @@ pub const BAD_INPUT: u8 = 2;
 /// Link or device failed.
 pub const DEVICE_FAILED: u8 = 3;
 
+/// Ended by Ctrl-C or SIGTERM before it was done, as a shell counts it.
+pub const INTERRUPTED: u8 = 130;
+
 /// Exit code for an error that ends a command.
 pub fn exit_code(error: &anyhow::Error) -> ExitCode {
-    ExitCode::from(if error.is::<hopbench::input::InputError>() { BAD_INPUT } else { DEVICE_FAILED })
+    ExitCode::from(if error.is::<InputError>() { BAD_INPUT } else { DEVICE_FAILED })
+}
+
+/// What is wrong with an option.
+fn wrong(key: &str, message: String) -> InputError {
+    InputError {
+        file: "command line".to_owned(),
+        faults: vec![Fault { line: None, key: key.to_owned(), message }],
+    }
 }
 
 /// Writes one JSON object to stdout.
