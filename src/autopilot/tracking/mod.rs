@@ -63,6 +63,8 @@ pub const WEIGHTS: StageCost = StageCost {
 
 /// A plan is flown on for so long without a new one (s).
 pub const OLDEST_PLAN_S: f64 = 0.06;
+/// Sums of steps are this good (s).
+const ROUND_OFF_S: f64 = 1e-9;
 /// Without any answer for so long (s), constant feedback gives way to the cascaded controller.
 const FEEDBACK_PATIENCE_S: f64 = 0.5;
 /// An iterate whose constraints are met this well may be flown though not optimal.
@@ -266,7 +268,8 @@ impl Tracker {
             self.plan_age_s = 0.0;
             return rung;
         }
-        if self.plan_age_s <= OLDEST_PLAN_S {
+        // It is flown until the next solve.
+        if self.plan_age_s + p.period_s <= OLDEST_PLAN_S + ROUND_OFF_S {
             Rung::Shifted
         } else if self.plan_age_s <= FEEDBACK_PATIENCE_S && self.horizons.is_some() {
             Rung::Feedback
@@ -329,9 +332,11 @@ impl Tracker {
         let reference_q = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(
             ned_from_reference,
         ));
-        // The gimbal's trim is part of the reference: its recoil counts as none.
+        // The gimbal's trim is part of the reference: its recoil counts as none, and the body leans the other way by as much
+        // as it deflects the thrust, which thus keeps its direction.
         let trim = self.trim_rad(s);
-        let turn = (reference_q.inverse() * q).scaled_axis() + Vec3::new(kx * trim[0], ky * trim[1], 0.0);
+        let turn = (reference_q.inverse() * q).scaled_axis()
+            + Vec3::new((kx - 1.0) * trim[0], (ky - 1.0) * trim[1], 0.0);
         let mut x = [0.0; STATES];
         for i in 0..3 {
             x[i] = off[i];
@@ -359,11 +364,10 @@ impl Tracker {
     ) {
         let (h, n) = (p.stage_s, p.stages.clamp(2, mpc::MAX_STAGES));
         let trim = self.trim_rad(s);
-        let [tilt_x, tilt_y] = [p.tilt_rad; 2];
         let pose_at = |k: usize| pose_for(s, &ahead(latency_s + k as f64 * h));
         let tilt_of = |pose: &Pose| Tilt {
-            min: [(-tilt_x - pose.tilt_rad[0]) / ANGLE_RAD, (-tilt_y - pose.tilt_rad[1]) / ANGLE_RAD],
-            max: [(tilt_x - pose.tilt_rad[0]) / ANGLE_RAD, (tilt_y - pose.tilt_rad[1]) / ANGLE_RAD],
+            min: [0, 1].map(|i| (-p.tilt_rad - pose.tilt_rad[i] - trim[i]) / ANGLE_RAD),
+            max: [0, 1].map(|i| (p.tilt_rad - pose.tilt_rad[i] - trim[i]) / ANGLE_RAD),
         };
         let mut pose = pose_at(0);
         let mut next = pose_at(1);
