@@ -19,11 +19,21 @@ pub const LATENCY_S: f64 = 0.2;
 const REPLAN_S: f64 = 1.0;
 /// With less than this to go the last plan stands (s).
 const FREEZE_S: f64 = 3.0;
+<<<<<<< HEAD
 /// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step.
 const TUBE_M: f64 = 0.5;
 const TUBE_M_S: f64 = 0.5;
 /// A plan that is due waits so long for a clock that runs slow (s).
 const JOIN_WAIT_S: f64 = 0.06;
+=======
+/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step. Wider
+/// than any gust drives it: what tracking brings back by itself must not reach the plan, which would begin its reserve
+/// of time anew each second and never come down.
+const TUBE_M: f64 = 2.0;
+const TUBE_M_S: f64 = 1.5;
+/// A landing climbs no faster than it does already, and this (m/s): going up is as cheap as waiting, and no way down.
+const LANDING_CLIMB_M_S: f64 = 0.5;
+>>>>>>> evidence4
 /// Nodes of a plan.
 const NODES: usize = 30;
 /// The thrust band that plans may use, over the least and the greatest command: the rest is control's.
@@ -255,6 +265,11 @@ impl Autopilot {
         let begins = self.time + SimTime::from_s(LATENCY_S);
         let push = from.acceleration_ned_m_s2 - Vec3::new(0.0, 0.0, gravity);
         let vertical_m_s = mission.ascent_speed_m_s.max(mission.descent_speed_m_s);
+        // Only a landing has a cone to stay in.
+        let climb_m_s = match glide_slope {
+            Some(_) => LANDING_CLIMB_M_S + (-from.velocity_ned_m_s.z).max(0.0),
+            None => mission.ascent_speed_m_s,
+        };
         let problem = Problem {
             start: Start {
                 position_ned_m: from.position_ned_m,
@@ -272,7 +287,7 @@ impl Autopilot {
             limits: Limits {
                 tilt_rad: TILT_SHARE * mission.tilt_limit_rad,
                 speed_m_s: libm::hypot(vertical_m_s, mission.lateral_speed_m_s),
-                climb_m_s: mission.ascent_speed_m_s,
+                climb_m_s,
                 sink_m_s: mission.descent_speed_m_s,
                 glide_slope,
             },
