@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // reads and writes files, prints figures
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use hopbench_hil::campaign::Campaign;
 use hopbench_hil::campaign::table::Row;
@@ -28,7 +29,7 @@ fn flown(path: &Path, runs: u32) -> Vec<Row> {
         rows.push(row);
         Ok(())
     };
-    campaign.fly_all(&campaign.slots(), 2, keep).unwrap();
+    campaign.fly_all(&campaign.slots(), 2, &AtomicBool::new(false), keep).unwrap();
     rows
 }
 
