@@ -19,13 +19,6 @@ pub const LATENCY_S: f64 = 0.2;
 const REPLAN_S: f64 = 1.0;
 /// With less than this to go the last plan stands (s).
 const FREEZE_S: f64 = 3.0;
-<<<<<<< HEAD
-/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step.
-const TUBE_M: f64 = 0.5;
-const TUBE_M_S: f64 = 0.5;
-/// A plan that is due waits so long for a clock that runs slow (s).
-const JOIN_WAIT_S: f64 = 0.06;
-=======
 /// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step. Wider
 /// than any gust drives it: what tracking brings back by itself must not reach the plan, which would begin its reserve
 /// of time anew each second and never come down.
@@ -33,7 +26,8 @@ const TUBE_M: f64 = 2.0;
 const TUBE_M_S: f64 = 1.5;
 /// A landing climbs no faster than it does already, and this (m/s): going up is as cheap as waiting, and no way down.
 const LANDING_CLIMB_M_S: f64 = 0.5;
->>>>>>> evidence4
+/// A plan that is due waits so long for a clock that runs slow (s).
+const JOIN_WAIT_S: f64 = 0.06;
 /// Nodes of a plan.
 const NODES: usize = 30;
 /// The thrust band that plans may use, over the least and the greatest command: the rest is control's.
