@@ -253,9 +253,8 @@ impl Summary {
             (true, Some(true)) => "proven",
             (true, _) => "rate met, not proven",
         };
-        // Rounded down, lest it overstate; the bound itself is good to 1e-12.
-        let bound = (1e4 * lowest(&self.variants) + 1e-6).floor() * 1e-2;
-        format!("{word}: wanted {wanted} %{most}; {shown}: at least {bound:.2} % at 95 % confidence")
+        let bound = at_least(lowest(&self.variants));
+        format!("{word}: wanted {wanted} %{most}; {shown}: at least {bound} % at 95 % confidence")
     }
 }
 
@@ -287,13 +286,13 @@ impl VariantSummary {
         let _ = writeln!(
             text,
             "\n{}: {} of {} flights as they should be\n\
-             95 % bounds    {:.2} to {:.2} %, at least {:.2} % (Clopper-Pearson, two-sided and one-sided)",
+             95 % bounds    {:.2} to {:.2} %, at least {} % (Clopper-Pearson, two-sided and one-sided)",
             self.name,
             self.successes,
             self.flights,
             100.0 * low,
             100.0 * high,
-            100.0 * self.clopper_pearson.one_sided_95_lower
+            at_least(self.clopper_pearson.one_sided_95_lower)
         );
         for failures in &self.failures {
             let mut seeds: Vec<String> =
@@ -336,6 +335,11 @@ impl VariantSummary {
             let _ = writeln!(text, "worst          seed {}: {ended}, {at}", worst.seed);
         }
     }
+}
+
+/// A lower bound in per cent, rounded down lest it overstate; the bound itself is good to 1e-12.
+fn at_least(bound: f64) -> String {
+    format!("{:.2}", (1e4 * bound + 1e-6).floor() * 1e-2)
 }
 
 /// A number without trailing zeros.

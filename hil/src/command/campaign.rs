@@ -16,6 +16,7 @@ use crate::report::{RunFolder, summary};
 
 /// Fly a scenario many times with values drawn anew; statistics with confidence bounds
 #[derive(Debug, clap::Args)]
+#[command(override_usage = "hopbench campaign <CAMPAIGN> [OPTIONS]")]
 pub struct Args {
     /// Campaign file; before --merge, which takes all that follows it for folders
     #[arg(required_unless_present = "merge")]
