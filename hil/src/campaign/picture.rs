@@ -79,7 +79,7 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         .margin_right(px(22))
         .set_label_area_size(LabelAreaPosition::Left, px(64))
         .set_label_area_size(LabelAreaPosition::Bottom, px(48))
-        .build_cartesian_2d(0.0..end, (0.0..top).with_key_points(ticks(most)))?;
+        .build_cartesian_2d(0.0..end, 0.0..top)?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
@@ -87,6 +87,8 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         .axis_style(FAINT.stroke_width(SCALE as u32))
         .set_all_tick_mark_size(px(5))
         .x_labels(7)
+        // Flights are counted: with no more labels than whole numbers they fall on those.
+        .y_labels((most as usize + 1).min(6))
         .label_style(letters(14, &INK))
         .axis_desc_style(letters(15, &INK))
         .x_label_formatter(&|x| format!("{x:.*}", if end < 3.0 { 2 } else { 1 }))
@@ -119,13 +121,6 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         ])?;
     }
     Ok(())
-}
-
-/// Whole numbers from zero, six at most, that a count is read by.
-fn ticks(most: u32) -> Vec<f64> {
-    let steps = (0..9).flat_map(|power| [1, 2, 5].map(|digit| digit * 10_u32.pow(power)));
-    let step = steps.into_iter().find(|step| most / step <= 5).unwrap_or(most.max(1));
-    (0..=most / step).map(|i| f64::from(i * step)).collect()
 }
 
 /// Where the pivot was at first contact, against the target: in truth, and by the autopilot's estimate.
