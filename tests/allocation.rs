@@ -1,4 +1,5 @@
-//! Invariant: a step of the plant asks the allocator for nothing, whatever it passes through.
+//! Invariant: a step of the plant asks the allocator for nothing, whatever it passes through, and neither does an update of the
+//! autopilot between its plans.
 //!
 //! Every allocation of this thread is counted (crate `allocation-counter`). Steps at which an event is noted
 //! are left out: an event carries text.
@@ -7,8 +8,10 @@
 mod files;
 
 use allocation_counter::measure;
+use hopbench::autopilot::tracking::Rung;
 use hopbench::plant::Plant;
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
+use hopbench::simulation::Flight;
 
 /// Steps the plant; allocations, or `None` when an event was noted.
 fn allocations(plant: &mut Plant, command: &ActuatorCommand) -> Option<u64> {
@@ -66,4 +69,32 @@ fn no_step_of_thruster_pulses_blow_down_and_depletion_allocates() {
     // The tank blew down by far more than what rebuilds the feed's tables, and ran dry.
     let fallen_pa = start_pa - plant.snapshot().tank_pa;
     assert!(fallen_pa > 5e5 && empty > 100 && pulsed > 1_000, "{fallen_pa} {empty} {pulsed}");
+}
+
+/// Filter, sequence, predictive control with its solver: everything but making and taking in plans, which is once a second.
+#[test]
+fn no_update_of_the_autopilot_between_plans_allocates() {
+    let mut flight = Flight::new(&files::scenario("hop_50m", &[]), 1).unwrap();
+    let mut command = ActuatorCommand::SAFE;
+    let (mut counted, mut left_out) = (0, 0);
+    while flight.outcome().is_none() {
+        flight.step(&command);
+        let Some(measurement) = flight.measurement().cloned() else { continue };
+        let autopilot = flight.autopilot();
+        let phase = autopilot.phase();
+        let allocations = measure(|| command = autopilot.update(&measurement)).count_total;
+        let order = autopilot.take_order();
+        if order.is_some() || autopilot.phase() != phase {
+            left_out += 1;
+        } else if phase.is_flight() {
+            assert_eq!(allocations, 0, "{phase:?} at {} s", measurement.time.s());
+            counted += 1;
+        }
+        if let Some(order) = order {
+            autopilot.deliver(order.solve());
+        }
+    }
+    // Half a minute of flight at 250 Hz, every fifth update with a solve; some plans and changes of phase.
+    let solves = flight.autopilot().tracker().counts()[Rung::Solved as usize];
+    assert!(counted > 7_500 && solves > 1_500 && left_out < 40, "{counted} {solves} {left_out}");
 }

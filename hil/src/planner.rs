@@ -41,9 +41,18 @@ impl Planner {
     /// Before an update at `now`: hands over what is ready. A plan that is due is waited for until the wall clock has gone
     /// through its time too: not at all in real time, up to that when simulated time runs ahead.
     pub fn deliver(&mut self, autopilot: &mut Autopilot, now: SimTime) {
-        let Some(ordered) = self.ordered else { return };
+        if let Some(ordered) = self.ordered {
+            let patience = Duration::from_secs_f64(LATENCY_S).saturating_sub(ordered.elapsed());
+            self.deliver_within(autopilot, now, patience);
+        }
+    }
+
+    /// The same with a wait of its own for a plan that is due.
+    pub fn deliver_within(&mut self, autopilot: &mut Autopilot, now: SimTime, patience: Duration) {
+        if self.ordered.is_none() {
+            return;
+        }
         let due = autopilot.planning().begins().is_some_and(|begins| now >= begins);
-        let patience = Duration::from_secs_f64(LATENCY_S).saturating_sub(ordered.elapsed());
         let answer =
             if due { self.answers.recv_timeout(patience).ok() } else { self.answers.try_recv().ok() };
         if let Some(answer) = answer {
