@@ -331,7 +331,9 @@ fn the_campaigns_of_this_repository_can_be_drawn() {
     let mut found = 0;
     for entry in std::fs::read_dir(scenario().parent().unwrap().join("campaigns")).unwrap() {
         let mut campaign = Campaign::open(&entry.unwrap().path(), &[]).unwrap();
-        assert!(campaign.file.runs >= 1000, "{}", campaign.name);
+        // A rate takes a thousand flights; a comparison lives by its pairs.
+        let least = if campaign.file.variant.is_empty() { 1000 } else { 100 };
+        assert!(campaign.file.runs >= least, "{}", campaign.name);
         campaign.file.runs = 20;
         campaign.check_draws(&campaign.slots(), 2, &AtomicBool::new(false)).unwrap();
         found += 1;
