@@ -238,7 +238,7 @@ impl Tracker {
         }
         let control = match self.rung {
             Rung::Cascade => None,
-            Rung::Feedback => self.constant_feedback(p, s, &now),
+            Rung::Feedback => self.constant_feedback(p, s, &now, dt_s),
             _ => Some(self.along_the_plan(p, &now)),
         }?;
         let finite = control.thrust_n.is_finite()
@@ -457,19 +457,19 @@ impl Tracker {
         p: &TrackingParameters,
         s: &Situation,
         now: &[f64; STATES],
+        dt_s: f64,
     ) -> Option<Control> {
-        let [full, _] = self.horizons.as_ref()?;
-        let horizon = &full.1;
-        let trim = self.problem.stages[0].input_reference;
+        let [(_, horizon), _] = self.horizons.as_ref()?;
+        let trim = &self.problem.stages[0].input_reference;
         let previous = scaled(&s.previous);
-        let mut input = trim;
-        for j in 0..INPUTS {
-            // Constant feedback is sampled faster than it was designed: the memory of the input fades in with the period.
-            let fade = p.period_s / p.stage_s;
+        // Designed for a step of a stage, it is taken in the share of one that has passed.
+        let share = dt_s / p.stage_s;
+        let input = core::array::from_fn(|j| {
             let state: f64 = horizon.feedback[j].iter().zip(now).map(|(k, x)| k * x).sum();
-            let memory: f64 = (0..INPUTS).map(|i| horizon.memory[j][i] * (previous[i] - trim[i])).sum();
-            input[j] += state + memory * fade.min(1.0);
-        }
+            let off = previous.iter().zip(trim).map(|(u, trim)| u - trim);
+            let memory: f64 = horizon.memory[j].iter().zip(off).map(|(m, u)| m * u).sum();
+            previous[j] + share * (trim[j] + state + memory - previous[j])
+        });
         Some(unscaled(&input))
     }
 }
