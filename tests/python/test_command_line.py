@@ -26,7 +26,7 @@ def test_report_has_the_agreed_keys():
             bench.send_controls([0.0] * 4, armed=False, time_usec=sensor.time_usec)
         result = bench.result()
     report = result.json
-    agreed = "scenario seed outcome flown_by expect touchdown max_altitude_m hover propellant mass timing link events state_hash run overrides"
+    agreed = "scenario seed outcome flown_by expect touchdown max_altitude_m hover autopilot propellant mass timing link events state_hash run overrides"
     assert set(report) == set(agreed.split())
     assert report["seed"] == 42 and report["touchdown"] is None
     assert set(report["link"]) == set("sent dropped received crc_errors lost skipped_bytes refused stalls wire_load_percent".split())
