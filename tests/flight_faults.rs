@@ -147,6 +147,37 @@ fn who_knows_that_the_propellant_runs_out_comes_down_in_time() {
 }
 
 #[test]
+fn who_climbs_comes_down_before_the_propellant_ends() {
+    // Far higher than the oxidiser carries: decided while it rises at 6 m/s.
+    let high = scenario("hop_50m", &[("mission.hover_height_m", "150.0")]);
+    let flown = flown(&high, 20, sound_sensors, sound_actuators);
+    record("climb to 150 m", &flown);
+    assert_eq!(flown.aborts(), ["propellant"]);
+    assert_eq!(flown.report.outcome, Outcome::Aborted);
+    assert!(flown.report.touchdown.unwrap().vertical_speed_m_s <= 1.0);
+}
+
+#[test]
+fn without_inertial_samples_the_engine_is_straight_then_cut() {
+    let lost = |t: f64, m: &mut Measurement| {
+        if t > 12.0 {
+            m.imu = None;
+        }
+    };
+    let flown = flown(&hop(), 21, lost, sound_actuators);
+    record("inertial unit lost", &flown);
+    assert_eq!(flown.aborts(), ["inertial"]);
+    // Half a second of silence, and a sample of the other sensors in which it is seen.
+    let lost_s = flown.time_of("ignition").unwrap() + 12.0;
+    let cut_s = flown.time_of("abort:inertial").unwrap();
+    assert!((lost_s + 0.49..lost_s + 0.55).contains(&cut_s), "lost {lost_s} s, cut {cut_s} s");
+    let blind = |t: f64| (lost_s + 0.1..lost_s + 0.4).contains(&t);
+    let straight = |c: &ActuatorCommand| c.armed && c.gimbal_x_rad == 0.0 && c.gimbal_y_rad == 0.0;
+    let held: Vec<_> = flown.commands.iter().filter(|(time, _, _)| blind(time.s())).collect();
+    assert!(!held.is_empty() && held.iter().all(|(_, _, c)| straight(c)));
+}
+
+#[test]
 fn too_much_wind_ends_the_mission() {
     let storm = scenario("hop_50m", &[("wind.mean_speed_m_s", "15.5"), ("wind.from_deg", "200.0")]);
     let flown = flown(&storm, 16, sound_sensors, sound_actuators);

@@ -116,7 +116,7 @@ pub struct ActuatorParameters {
 }
 
 /// Share of the gimbal limit and rate limit that control may use; the rest is for what it does not know.
-const GIMBAL_AUTHORITY: f64 = 0.95;
+pub const GIMBAL_AUTHORITY: f64 = 0.95;
 const GIMBAL_RATE_AUTHORITY: f64 = 0.7;
 
 /// What the gimbal can give, and what it was told last.

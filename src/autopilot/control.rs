@@ -1,5 +1,5 @@
 //! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate →
-//! torque.
+//! torque. The last rung under predictive tracking, its flight until free of the legs, and `mission.control = "cascaded"`.
 //!
 //! The swinging engine puts a pair of zeros of torque over gimbal angle at √(T (l + s_e/m)/(I_e + s_e l)), with I_e and s_e the
 //! engine's inertia and first moment about the pivot, near 13 rad/s for this class of vehicle, and the liquid sloshes near 14 rad/s with 3 % damping. The rate

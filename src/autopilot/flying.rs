@@ -200,8 +200,7 @@ impl Autopilot {
     pub(super) fn cascade_from_observer(&self) -> Controller {
         let thrust_n = self.propellant.thrust_n();
         // Air, and the sideways thrust of an engine that is trimmed onto the centre of mass.
-        let arm_m = self.airframe().lever_arm_m.max(0.05);
-        let [trim_x, trim_y] = self.observer.thrust_offset_m.map(|offset| -offset / arm_m);
+        let [trim_x, trim_y] = self.observer.trim_rad(&self.airframe());
         let aside = self.navigation.q_ned_from_body() * Vec3::new(trim_y, -trim_x, 0.0);
         let force = self.observer.force_ned_m_s2 + aside * (thrust_n / self.propellant.mass_kg.max(1.0));
         // Allocation feeds forward what is known of the thrust line; the observer sees all of it.

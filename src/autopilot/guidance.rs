@@ -127,6 +127,11 @@ impl Course<'_> {
         libm::hypot(d.x, d.y) < 0.1
     }
 
+    /// Where the pivot is to have the speed of the last metres (m).
+    pub fn terminal_ned_m(&self) -> Vec3 {
+        self.landing_ned_m() - Vec3::new(0.0, 0.0, self.mission.terminal_height_m + TERMINAL_LEAD_M)
+    }
+
     /// Speed of the last metres (m/s).
     pub fn final_speed_m_s(&self) -> f64 {
         TERMINAL_SHARE * self.mission.terminal_speed_m_s
@@ -160,7 +165,7 @@ impl Course<'_> {
                 approach_speed(up.abs(), a, limit).copysign(up)
             }
             Phase::Descent | Phase::Terminal | Phase::AbortLand => {
-                let v = TERMINAL_SHARE * mission.terminal_speed_m_s;
+                let v = self.final_speed_m_s();
                 // The smoothed reference is half a window late: at the terminal height it still has the
                 // speed that the braking takes off in that time, so all of it begins that much higher.
                 let late_m = (v + 0.5 * a * WINDOW_S) * WINDOW_S;

@@ -216,6 +216,7 @@ pub struct Autopilot {
 
 /// A target farther than this from where a hand-over finds the vehicle is not worth the propellant (m).
 const TARGET_REACH_M: f64 = 15.0;
+
 impl Autopilot {
     /// On the pad, nothing known yet. Parameters are taken as they are: see [`Parameters::validate`].
     pub fn new(parameters: Parameters) -> Self {
@@ -249,7 +250,7 @@ impl Autopilot {
         }
     }
 
-    /// Flies: one measurement in, one command out. Without an inertial sample the last command stands.
+    /// Flies: one measurement in, one command out.
     pub fn update(&mut self, m: &Measurement) -> ActuatorCommand {
         let standing = match self.sequence.phase() {
             phase if phase.is_before_lift_off() => Standing::OnPad,
@@ -287,7 +288,7 @@ impl Autopilot {
         self.command
     }
 
-    /// Shadows another pilot, who had `applied` in force: filter, mass and trim go on, nothing is commanded.
+    /// Shadows another pilot, who had `applied` in force: filter, mass, trim and disturbances go on, nothing is commanded.
     pub fn observe(&mut self, m: &Measurement, applied: &ActuatorCommand) {
         self.command = *applied;
         let demanded = applied.armed && self.demand_n() > self.parameters.propellant.thrust_shut_n;

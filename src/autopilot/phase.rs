@@ -94,7 +94,7 @@ pub enum MassKnowledge {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GuidanceLaw {
-    /// Least fuel under the engine's thrust band, by lossless convexification, replanned on the way down.
+    /// Least fuel for 1.2 times the least flight time under the engine's thrust band, by lossless convexification; replanned on the way down. Ramps at the speed limits are shorter and use less.
     #[default]
     Lcvx,
     /// Closed-form ramps of the accelerations below.

@@ -6,7 +6,6 @@
 //! does not is counted, and what is being flown is flown on.
 
 use super::Autopilot;
-use super::guidance::Course;
 use super::lcvx::{self, Engine, GlideSlope, Limits, Plan, PlanRequest, Problem, Rung, Start, Target};
 use super::phase::{GuidanceLaw, Phase};
 use super::trajectory::{Reference, Trajectory};
@@ -36,8 +35,6 @@ const BAND: [f64; 2] = [1.5, 0.9];
 const TILT_SHARE: f64 = 0.8;
 /// Cone over the target that a landing stays in.
 const GLIDE_SLOPE: GlideSlope = GlideSlope { angle_rad: core::f64::consts::FRAC_PI_4, offset_m: 0.5 };
-/// The terminal speed is reached this much above the terminal height (m).
-const TERMINAL_LEAD_M: f64 = 0.1;
 
 /// A plan to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,6 +70,7 @@ pub struct Planning {
     next_s: f64,
     counts: [u64; 7],
     late: u64,
+    /// Of the plan that is flown; `None` while none is.
     rung: Option<Rung>,
 }
 
@@ -90,11 +88,6 @@ impl Planning {
     /// When the plan that was ordered begins; `None` while none is awaited.
     pub const fn begins(&self) -> Option<SimTime> {
         self.begins
-    }
-
-    /// Rung of the plan that is flown; `None` while none is.
-    pub const fn rung(&self) -> Option<Rung> {
-        self.rung
     }
 
     /// The ladder has come to its end: nothing is left that keeps the limits.
@@ -226,11 +219,10 @@ impl Autopilot {
                 ..way
             }
         };
-        let Course { mission, .. } = self.course();
-        let up = mission.terminal_height_m + TERMINAL_LEAD_M;
+        let course = self.course();
         let target = Target {
-            position_ned_m: self.course().landing_ned_m() - Vec3::new(0.0, 0.0, up),
-            velocity_ned_m_s: Vec3::new(0.0, 0.0, self.course().final_speed_m_s()),
+            position_ned_m: course.terminal_ned_m(),
+            velocity_ned_m_s: Vec3::new(0.0, 0.0, course.final_speed_m_s()),
         };
         let previous = self.planning.rung.is_some().then(|| {
             // Its clock has been shifted to meet the vehicle.

@@ -4,7 +4,7 @@
 //! as a flight computer would be loaded; it never sees what a scenario changes or breaks.
 
 use crate::autopilot::Parameters;
-use crate::autopilot::allocation::{ActuatorParameters, ThrottleOutput, ThrustMap};
+use crate::autopilot::allocation::{ActuatorParameters, GIMBAL_AUTHORITY, ThrottleOutput, ThrustMap};
 use crate::autopilot::control::Gains;
 use crate::autopilot::navigation::{GnssParameters, NavigationParameters};
 use crate::autopilot::phase::SequenceParameters;
@@ -71,9 +71,8 @@ pub fn autopilot(
     }
 }
 
-/// Share of the gimbal's range and of the rates that tracking may use; the rest is for what it does not know.
-const GIMBAL_AUTHORITY: f64 = 0.95;
-const GIMBAL_RATE_AUTHORITY: f64 = 0.5;
+/// Share of the gimbal's rate that plans of predictive control may use: its feedback and allocation need the rest.
+const PLANNED_GIMBAL_RATE: f64 = 0.5;
 /// Greatest rise of the thrust asked for, as a share of the rated thrust per second.
 const THRUST_RATE_SHARE_1_S: f64 = 1.5;
 
@@ -85,7 +84,7 @@ fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
         period_s: 0.02,
         weights: WEIGHTS,
         thrust_rate_n_s: THRUST_RATE_SHARE_1_S * vehicle.rating.thrust_rated_n,
-        gimbal_rate_rad_s: GIMBAL_RATE_AUTHORITY * gimbal.rate_limit_rad_s,
+        gimbal_rate_rad_s: PLANNED_GIMBAL_RATE * gimbal.rate_limit_rad_s,
         gimbal_limit_rad: GIMBAL_AUTHORITY * gimbal.limit_rad,
         roll_torque_n_m: vehicle.roll_moment_n_m(),
         tilt_rad,

@@ -131,10 +131,10 @@ pub struct Hover {
     pub altitude_rms_m: f64,
     /// Root mean square of true horizontal distance from the reference (m).
     pub lateral_rms_m: f64,
-    /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when an outside flight controller flew.
+    /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who flew sits at the other end of a link.
     #[serde(default)]
     pub altitude_control_rms_m: Option<f64>,
-    /// Root mean square of that estimate's horizontal distance from the reference (m); null when an outside flight controller flew.
+    /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew sits at the other end of a link.
     #[serde(default)]
     pub lateral_control_rms_m: Option<f64>,
 }

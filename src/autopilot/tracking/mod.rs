@@ -54,7 +54,9 @@ pub struct TrackingParameters {
     pub stand_in: mpc::Settings,
 }
 
-/// Costs of a stage: metres, metres per second, 0.1 rad, 0.1 rad/s, kN; kN, 0.1 rad, 10 N m.
+/// Costs of a stage: metres, metres per second, 0.1 rad, 0.1 rad/s, kN; kN, 0.1 rad, 10 N m. Chosen on hops in gusts with a crooked
+/// engine: place against gimbal activity (10 instead of 4 on position takes a sixth off the hover's error), roll dear enough that
+/// the thrusters leave heading noise alone (a tenth of the nitrogen).
 pub const WEIGHTS: StageCost = StageCost {
     state: [10.0, 10.0, 8.0, 2.0, 2.0, 4.0, 0.3, 0.3, 0.1, 0.02, 0.02, 0.02, 0.01],
     input: [2.0, 0.5, 0.5, 10.0],
@@ -90,7 +92,7 @@ pub enum Rung {
 }
 
 impl Rung {
-    /// All of them, from the best.
+    /// All of them, best first: the index in counters is `rung as usize`.
     pub const ALL: [Self; 6] =
         [Self::Solved, Self::Capped, Self::Oracle, Self::Shifted, Self::Feedback, Self::Cascade];
 
@@ -127,7 +129,7 @@ pub struct Situation<'a> {
     pub observer: &'a Observer,
     /// Vehicle as of now.
     pub airframe: &'a Airframe,
-    /// Centre of mass over the pivot, downward negative (m).
+    /// Centre of mass along body z, negative above the pivot (m).
     pub com_z_m: f64,
     /// Gravity (m/s²).
     pub gravity_m_s2: f64,
@@ -207,16 +209,6 @@ impl Tracker {
         self.counts
     }
 
-    /// Iterations of the newest solve.
-    pub fn iterations(&self) -> usize {
-        self.solution.iterations
-    }
-
-    /// The newest program, for recording.
-    pub fn problem(&self) -> &Problem {
-        &self.problem
-    }
-
     /// One step. `ahead` gives the reference that many seconds from now. `None`: the cascaded controller flies.
     pub fn step(
         &mut self,
@@ -233,8 +225,7 @@ impl Tracker {
             self.fill(p, s, &now, latency_s, &ahead);
             self.since_solve_s = 0.0;
             self.rung = self.climb_down(p);
-            let at = Rung::ALL.iter().position(|&r| r == self.rung).unwrap_or(0);
-            self.counts[at] += 1;
+            self.counts[self.rung as usize] += 1;
         }
         let control = match self.rung {
             Rung::Cascade => None,
@@ -336,7 +327,7 @@ impl Tracker {
         let reference_q = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(
             ned_from_reference,
         ));
-        let stance = self.stance_rad(s);
+        let stance = stance_rad(s);
         let turn = (reference_q.inverse() * q).scaled_axis() - Vec3::new(stance[0], stance[1], 0.0);
         let mut x = [0.0; STATES];
         for i in 0..3 {
@@ -349,17 +340,6 @@ impl Tracker {
         x
     }
 
-    /// Gimbal angles that balance the offset of the thrust line (rad).
-    fn trim_rad(&self, s: &Situation) -> [f64; 2] {
-        s.observer.thrust_offset_m.map(|offset| -offset / s.airframe.lever_arm_m.max(0.05))
-    }
-
-    /// How the body stands so that the thrust, turned by the trim, points as the reference asks, the trim's recoil in it (rad).
-    fn stance_rad(&self, s: &Situation) -> [f64; 2] {
-        let trim = self.trim_rad(s);
-        [0, 1].map(|i| (1.0 - s.airframe.recoil[i]) * trim[i])
-    }
-
     /// The quadratic program of this moment.
     fn fill(
         &mut self,
@@ -370,8 +350,8 @@ impl Tracker {
         ahead: &impl Fn(f64) -> Reference,
     ) {
         let (h, n) = (p.stage_s, p.stages.clamp(2, mpc::MAX_STAGES));
-        let trim = self.trim_rad(s);
-        let stance = self.stance_rad(s);
+        let trim = s.observer.trim_rad(s.airframe);
+        let stance = stance_rad(s);
         let pose_at = |k: usize| pose_for(s, &ahead(latency_s + k as f64 * h));
         let tilt_of = |pose: &Pose| Tilt {
             min: [0, 1].map(|i| (-p.tilt_rad - pose.tilt_rad[i] - stance[i]) / ANGLE_RAD),
@@ -472,6 +452,12 @@ impl Tracker {
         });
         Some(unscaled(&input))
     }
+}
+
+/// How the body stands so that the thrust, turned by the trim, points as the reference asks, the trim's recoil in it (rad).
+fn stance_rad(s: &Situation) -> [f64; 2] {
+    let trim = s.observer.trim_rad(s.airframe);
+    [0, 1].map(|i| (1.0 - s.airframe.recoil[i]) * trim[i])
 }
 
 /// Attitude and thrust that a reference asks for, the known disturbance leant against.

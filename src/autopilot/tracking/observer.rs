@@ -166,6 +166,11 @@ impl Observer {
         }
     }
 
+    /// Gimbal angles that balance the offset of the thrust line (rad).
+    pub fn trim_rad(&self, airframe: &Airframe) -> [f64; 2] {
+        self.thrust_offset_m.map(|offset| -offset / airframe.lever_arm_m.max(0.05))
+    }
+
     /// Body rate without the part that the gimbal's own motion gives it.
     pub fn momentum_rate(&self, airframe: &Airframe, seen: &Seen) -> Vec3 {
         let [kx, ky] = airframe.recoil;
