@@ -1,7 +1,9 @@
 //! What the pictures share: letters, colours, and the way from a drawing to SVG text.
 
 use anyhow::{Result, anyhow};
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 /// A part of a picture.
@@ -14,7 +16,7 @@ pub const INK: RGBColor = RGBColor(34, 40, 49);
 /// Less important letters, axes.
 pub const FAINT: RGBColor = RGBColor(110, 118, 128);
 /// Grid.
-pub const GRID: RGBColor = RGBColor(222, 226, 231);
+const GRID: RGBColor = RGBColor(222, 226, 231);
 /// What is shown.
 pub const LINE: RGBColor = RGBColor(0, 90, 156);
 /// A limit, and what lies beyond.
@@ -33,6 +35,16 @@ pub fn px(pixels: i32) -> i32 {
 /// Letters of a height in pixels.
 pub fn letters(height: i32, color: &RGBColor) -> TextStyle<'static> {
     (FONT, px(height)).into_font().color(color)
+}
+
+/// Grid, axes and letters of every chart.
+pub fn house_style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) {
+    mesh.light_line_style(TRANSPARENT)
+        .bold_line_style(GRID.stroke_width(SCALE as u32))
+        .axis_style(FAINT.stroke_width(SCALE as u32))
+        .set_all_tick_mark_size(px(5))
+        .label_style(letters(14, &INK))
+        .axis_desc_style(letters(15, &INK));
 }
 
 /// A picture of a size in pixels, as SVG text.

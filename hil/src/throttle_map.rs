@@ -13,7 +13,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 
-use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, GRID, INK, LINE, SCALE, letters, px, svg};
+use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg};
 
 /// One steady point, keys as in the manual.
 #[derive(Clone, Debug, Serialize)]
@@ -261,17 +261,8 @@ impl ThrottleMap {
         let whole = |x: &f64| format!("{x:.0}");
         let label = |y: &f64| panel.text(*y, 0);
         let mut mesh = chart.configure_mesh();
-        mesh.light_line_style(TRANSPARENT)
-            .bold_line_style(GRID.stroke_width(SCALE as u32))
-            .axis_style(FAINT.stroke_width(SCALE as u32))
-            .set_all_tick_mark_size(px(5))
-            .x_labels(8)
-            .y_labels(5)
-            .label_style(letters(14, &INK))
-            .axis_desc_style(letters(15, &INK))
-            .x_label_formatter(&whole)
-            .y_label_formatter(&label)
-            .y_desc(panel.name);
+        house_style(&mut mesh);
+        mesh.x_labels(8).y_labels(5).x_label_formatter(&whole).y_label_formatter(&label).y_desc(panel.name);
         if labelled {
             mesh.x_desc("throttle (% of rated thrust)");
         }

@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::statistics::quantile;
 use super::table::Row;
-use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, GRID, INK, LINE, SCALE, letters, px, svg};
+use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg};
 
 const SIZE: (i32, i32) = (1200, 860);
 const SIZE_OF_POSITIONS: (i32, i32) = (1200, 680);
@@ -80,17 +80,11 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         .set_label_area_size(LabelAreaPosition::Left, px(64))
         .set_label_area_size(LabelAreaPosition::Bottom, px(48))
         .build_cartesian_2d(0.0..end, 0.0..top)?;
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(GRID.stroke_width(SCALE as u32))
-        .axis_style(FAINT.stroke_width(SCALE as u32))
-        .set_all_tick_mark_size(px(5))
-        .x_labels(7)
+    let mut mesh = chart.configure_mesh();
+    house_style(&mut mesh);
+    mesh.x_labels(7)
         // Flights are counted: with no more labels than whole numbers they fall on those.
         .y_labels((most as usize + 1).min(6))
-        .label_style(letters(14, &INK))
-        .axis_desc_style(letters(15, &INK))
         .x_label_formatter(&|x| format!("{x:.*}", if end < 3.0 { 2 } else { 1 }))
         .y_label_formatter(&|y| format!("{y:.0}"))
         .x_desc(words)
@@ -159,16 +153,10 @@ fn scatter(area: &Area<'_>, words: &str, points: &[(f64, f64, bool)]) -> Drawn {
         .set_label_area_size(LabelAreaPosition::Bottom, px(48))
         .build_cartesian_2d(-reach..reach, -reach..reach)?;
     let label = |x: &f64| format!("{x:.1}");
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(GRID.stroke_width(SCALE as u32))
-        .axis_style(FAINT.stroke_width(SCALE as u32))
-        .set_all_tick_mark_size(px(5))
-        .x_labels(7)
+    let mut mesh = chart.configure_mesh();
+    house_style(&mut mesh);
+    mesh.x_labels(7)
         .y_labels(7)
-        .label_style(letters(14, &INK))
-        .axis_desc_style(letters(15, &INK))
         .x_label_formatter(&label)
         .y_label_formatter(&label)
         .x_desc("east (m)")
