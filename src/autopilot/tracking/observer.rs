@@ -40,11 +40,12 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// Advances toward a command, in steps that a servo of 20 Hz still resolves.
+    /// Advances toward a command, in steps that a servo of 20 Hz still resolves; a command that is no number moves nothing.
     pub fn step(&mut self, p: &ServoParameters, command_rad: f64, dt_s: f64) {
         const SUBSTEPS: u32 = 4;
         let h = dt_s / f64::from(SUBSTEPS);
         let w = p.natural_frequency_rad_s;
+        let command_rad = if command_rad.is_finite() { command_rad } else { self.angle_rad };
         for _ in 0..SUBSTEPS {
             // Implicit in the rate: stable for every stiffness.
             let pull = w * w * (command_rad - self.angle_rad - h * self.rate_rad_s);
@@ -85,7 +86,7 @@ const ROLL_LIMIT_N_M: f64 = 2.0;
 pub struct Observer {
     /// Force per mass that the model does not know (m/s², NED).
     pub force_ned_m_s2: Vec3,
-    /// Lever arms of the thrust about body x and y with the gimbal at zero (m), and roll moment (N m).
+    /// Lever arms of the thrust about body x and y with the gimbal at zero (m).
     pub thrust_offset_m: [f64; 2],
     /// Moment about the long axis (N m).
     pub roll_moment_n_m: f64,
