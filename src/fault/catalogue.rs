@@ -178,6 +178,17 @@ pub fn row(component: Component, mode: Mode) -> Option<Row> {
     catalogue().find(|row| row.component == component && row.mode == mode)
 }
 
+/// The rows in words, a line each: component, mode, unit and range of the value, its default, what it does.
+pub fn explain() -> String {
+    let line = |row: Row| {
+        let value = row.value.map_or("no value".to_owned(), |q| {
+            format!("{}, {} to {}, {} if absent", q.unit, q.least, q.greatest, q.default)
+        });
+        format!("  {:<23} {:<15} {value}: {}\n", row.component.name(), row.mode.name(), row.effect)
+    };
+    catalogue().map(line).collect()
+}
+
 const fn quantity(unit: &'static str, [least, greatest]: [f64; 2], default: f64) -> Option<Quantity> {
     Some(Quantity { unit, least, greatest, default })
 }

@@ -545,6 +545,7 @@ impl Flight {
             run: None,
             overrides: Vec::new(),
             modified: self.modified.clone(),
+            faults_idle: self.faults.idle().map(Fault::name).collect(),
         };
         let flight_time_s =
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);

@@ -51,6 +51,9 @@ pub struct Report {
     /// What was changed from outside while it flew, in order; such a run is not its scenario's.
     #[serde(default)]
     pub modified: Vec<String>,
+    /// Names of the scenario's faults that never began; absent when all did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults_idle: Vec<String>,
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
