@@ -11,6 +11,7 @@
 mod command;
 mod continuous;
 mod discrete;
+mod fault;
 mod feed;
 mod freeze;
 mod paper;
@@ -46,6 +47,7 @@ use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
+use fault::Faults;
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
@@ -84,7 +86,7 @@ struct Settled {
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. Play and
 /// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
-/// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
+/// whose change makes [`Plant::settle`] forget, nor are faults, whose change makes [`Plant::set_faults`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,6 +102,8 @@ struct Inputs {
     burning_fraction: f64,
     burning_share: f64,
     nitrous_depleted: bool,
+    regulator_sag_pa: f64,
+    surge_pa: f64,
     head_pa: f64,
     feed_triangle: Triangle,
     valve_command_rad: f64,
@@ -182,6 +186,8 @@ struct Held {
     singular: bool,
     /// What disturbs the vehicle.
     disturbed: Effect,
+    /// What is broken.
+    faults: Faults,
 }
 
 impl Held {
@@ -338,6 +344,8 @@ impl Plant {
             burning_fraction: state.burning_fraction,
             burning_share: self.burning_share(state),
             nitrous_depleted: held.nitrous_depleted,
+            regulator_sag_pa: held.faults.sag_pa,
+            surge_pa: held.faults.surge.chamber_pa,
             head_pa: held.head_pa,
             feed_triangle: held.feed.triangle(),
             valve_command_rad: held.valve_command_rad,
