@@ -11,6 +11,7 @@ use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
 use crate::environment::Environment;
+use crate::fault::PlantEffect;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
@@ -169,6 +170,7 @@ impl Plant {
                 disturbed: Effect::default(),
                 faults: Faults::none(vehicle.valve_servo, vehicle.gimbal_servo),
             },
+            faults: PlantEffect::default(),
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
