@@ -392,8 +392,8 @@ const ENTRIES: &[Entry] = {
         entry(
             &[Igniter],
             HardStart,
-            quantity("share", [0.0, 5.0], 1.0),
-            "peak of chamber pressure at light over the steady one, less one",
+            quantity("share", [0.0, 1.0], 0.05),
+            "of the oxidiser that passes before the flame pools in the chamber and burns at once with it",
         ),
         entry(&[Valve], Stuck, None, "the angle stays, whatever the command"),
         entry(&[Valve], Slow, quantity("share", [0.01, 1.0], 0.2), "of rate and bandwidth is left"),

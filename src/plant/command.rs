@@ -26,7 +26,7 @@ impl Plant {
         let step_s = self.step.s();
         let isolation = self.vehicle.isolation_stroke();
         held.isolation =
-            held.faults.isolation_after(isolation, held.isolation, positions.isolation_open, step_s);
+            held.broken.isolation_after(isolation, held.isolation, positions.isolation_open, step_s);
         let vented = if positions.vent_open { 1.0 } else { 0.0 };
         held.vent = self.vehicle.vent_stroke().opening_after(held.vent, vented, step_s);
         held.igniter = positions.igniter;
@@ -44,28 +44,29 @@ impl Plant {
         let held = &mut self.held;
         let valve_rad = held.demand.valve_rad;
         if self.options.ideal {
-            held.valve_command_rad = held.faults.valve_told_rad(valve_rad);
-            self.state.valve_rad = held.faults.valve_servo.at_once(self.state.valve_rad, held.valve_command_rad);
+            held.valve_command_rad = held.broken.valve_told_rad(valve_rad);
+            self.state.valve_rad =
+                held.broken.valve_servo.at_once(self.state.valve_rad, held.valve_command_rad);
             held.valve_memory = ServoMemory::at(self.state.valve_rad);
-            let pairs = held.faults.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
+            let pairs = held.broken.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
             self.state.rcs_level = Vec3::new(pairs.a, pairs.b, 0.0);
         } else {
             held.valve_delay.push(now, valve_rad);
-            held.valve_command_rad = held.faults.valve_told_rad(held.valve_delay.at(now));
+            held.valve_command_rad = held.broken.valve_told_rad(held.valve_delay.at(now));
             let opened = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, self.step);
-            held.rcs_open = held.faults.pairs_open(opened);
+            held.rcs_open = held.broken.pairs_open(opened);
         }
         if self.options.ideal_gimbal {
-            let told = held.faults.gimbal_told_rad(gimbal);
+            let told = held.broken.gimbal_told_rad(gimbal);
             held.gimbal_command_rad = Vector2::from(told);
             for axis in 0..2 {
-                let servo = &held.faults.gimbal_servo[axis];
+                let servo = &held.broken.gimbal_servo[axis];
                 self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told[axis]);
                 held.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
             }
         } else {
             held.gimbal_delay.push(now, gimbal);
-            held.gimbal_command_rad = Vector2::from(held.faults.gimbal_told_rad(held.gimbal_delay.at(now)));
+            held.gimbal_command_rad = Vector2::from(held.broken.gimbal_told_rad(held.gimbal_delay.at(now)));
         }
     }
 

@@ -50,7 +50,7 @@ impl Plant {
                 state.nitrous_kg.max(0.0) / drain_s
             },
             outlet,
-            damage: self.held.faults.damage(),
+            damage: self.held.broken.damage(),
         }
     }
 
@@ -372,7 +372,7 @@ impl Plant {
                 }
             },
         };
-        let surge = &self.held.faults.surge;
+        let surge = &self.held.broken.surge;
         point.chamber_pa += surge.chamber_pa;
         point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n + surge.thrust_n());
         (point, stored_kg)
@@ -398,7 +398,7 @@ impl Plant {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());
         }
-        let servo = &self.held.faults.valve_servo;
+        let servo = &self.held.broken.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
         let memory = &self.held.valve_memory;
         let rate = servo.rate(&at, self.held.valve_command_rad, memory);
@@ -413,7 +413,7 @@ impl Plant {
             return (motion, [Vector2::zeros(); 2]);
         }
         let axis = |axis: usize| {
-            let servo = &self.held.faults.gimbal_servo[axis];
+            let servo = &self.held.broken.gimbal_servo[axis];
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
             let memory = &self.held.gimbal_memory[axis];
             let rate = servo.rate(&at, self.held.gimbal_command_rad[axis], memory);

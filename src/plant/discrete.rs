@@ -35,7 +35,7 @@ impl Plant {
         let state = &self.state;
         if state.valve_rad > 0.0 {
             self.held.valve_memory =
-                self.held.faults.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
+                self.held.broken.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
         }
         self.take_up_gimbal();
 
@@ -72,7 +72,7 @@ impl Plant {
 
         // A ball that is told to shut seats; a servo alone would only ever come near.
         if self.held.valve_command_rad <= 0.0
-            && self.held.faults.valve_servo.drive_share > 0.0
+            && self.held.broken.valve_servo.drive_share > 0.0
             && self.state.valve_rad.abs() < SEATED_RAD
             && self.state.valve_rad_s.abs() < SEATED_RAD_S
         {
@@ -154,12 +154,12 @@ impl Plant {
             &self.held.flame,
             &FlameConditions {
                 time: self.time,
-                igniter: self.held.igniter && !self.held.faults.effect.igniter_dead,
+                igniter: self.held.igniter && !self.held.broken.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
                 fuel_left: !self.held.burnt_through || (self.held.flame.lit && burning > FLICKER),
-                late_s: self.held.faults.effect.light_delay_s,
+                late_s: self.held.broken.effect.light_delay_s,
             },
         );
         match (self.held.flame.lit, flame.lit) {

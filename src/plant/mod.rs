@@ -34,7 +34,6 @@ use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
-use crate::fault::PlantEffect;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
@@ -48,7 +47,7 @@ use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
-use fault::Faults;
+use fault::Broken;
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
@@ -66,7 +65,6 @@ pub struct Plant {
     state: State,
     held: Held,
     disturbances: Disturbances,
-    faults: PlantEffect,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
@@ -189,7 +187,7 @@ struct Held {
     /// What disturbs the vehicle.
     disturbed: Effect,
     /// What is broken.
-    faults: Faults,
+    broken: Broken,
 }
 
 impl Held {
@@ -346,8 +344,8 @@ impl Plant {
             burning_fraction: state.burning_fraction,
             burning_share: self.burning_share(state),
             nitrous_depleted: held.nitrous_depleted,
-            regulator_sag_pa: held.faults.sag_pa,
-            surge_pa: held.faults.surge.chamber_pa,
+            regulator_sag_pa: held.broken.sag_pa,
+            surge_pa: held.broken.surge.chamber_pa,
             head_pa: held.head_pa,
             feed_triangle: held.feed.triangle(),
             valve_command_rad: held.valve_command_rad,
@@ -388,11 +386,6 @@ impl Plant {
     /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
         self.held.ignition.map(|ignition| self.time.since(ignition).s())
-    }
-
-    /// What is broken from the next step on.
-    pub fn set_faults(&mut self, effect: &PlantEffect) {
-        self.faults = *effect;
     }
 
     /// Run time.

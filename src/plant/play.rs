@@ -14,7 +14,7 @@ use crate::frame::Vec3;
 impl Plant {
     /// Takes in where a step has left the gimbal's play and friction.
     pub(super) fn take_up_gimbal(&mut self) {
-        let servos = self.held.faults.gimbal_servo;
+        let servos = self.held.broken.gimbal_servo;
         let play = servos.iter().any(|servo| servo.backlash_rad > 0.0);
         let before = play.then(|| self.gimbal(&self.state).0);
         for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, Vector2};
 
-use super::fault::Faults;
+use super::fault::Broken;
 use super::freeze::Frozen;
 use super::paper::Paper;
 use super::sequence::Sequence;
@@ -11,7 +11,6 @@ use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
 use crate::environment::Environment;
-use crate::fault::PlantEffect;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
@@ -168,9 +167,8 @@ impl Plant {
                 saturated: None,
                 singular: false,
                 disturbed: Effect::default(),
-                faults: Faults::none(vehicle.valve_servo, vehicle.gimbal_servo),
+                broken: Broken::none(vehicle.valve_servo, vehicle.gimbal_servo),
             },
-            faults: PlantEffect::default(),
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),

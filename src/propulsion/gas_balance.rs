@@ -317,7 +317,8 @@ impl GasBalance {
             bottle_pa: bottle.pressure_pa,
             tank_kg,
             bottle_kg,
-            regulated: bottle.pressure_pa >= regulator.set_pressure_pa - stores.regulator_sag_pa + regulator.minimum_drop_pa
+            regulated: bottle.pressure_pa
+                >= regulator.set_pressure_pa - stores.regulator_sag_pa + regulator.minimum_drop_pa
                 && tank_pa <= regulator.greatest_pa(),
             vapor_kg,
             liquid_k: gas.liquid_k,

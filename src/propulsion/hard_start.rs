@@ -72,7 +72,9 @@ impl Engine {
         let share = time_constant_s / step_s * -libm::expm1(-step_s / time_constant_s);
         Surge {
             chamber_pa: share * pool_kg * rt_j_kg / volume_m3,
-            thrust_n_pa: self.nozzle().thrust_efficiency * throat_m2 * STANDARD_GRAVITY_M_S2
+            thrust_n_pa: self.nozzle().thrust_efficiency
+                * throat_m2
+                * STANDARD_GRAVITY_M_S2
                 * mixture.vacuum_isp_s(log)
                 / mixture.c_star_m_s(log),
             time_constant_s,

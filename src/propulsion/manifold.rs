@@ -23,7 +23,8 @@
 
 use super::FeedParameters;
 use super::engine::{
-    Burning, Damage, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, Near, OperatingPoint, Setting,
+    Burning, Damage, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, Near, OperatingPoint,
+    Setting,
 };
 use super::feed::ManifoldModel;
 use super::feed_grid::Feed;

@@ -119,8 +119,8 @@ impl PaperEngine {
         let total_kg_s = oxidizer_kg_s + fuel_kg_s;
         let left = 1.0 - condition.damage.efficiency_drop_share;
         let isp_s = left * self.isp_efficiency * self.isp_s.at(of_ratio);
-        let pressure_pa =
-            total_kg_s * self.c_star_m_s.at(of_ratio) * (left * self.c_star_efficiency) / engine.open_throat_m2(condition);
+        let pressure_pa = total_kg_s * self.c_star_m_s.at(of_ratio) * (left * self.c_star_efficiency)
+            / engine.open_throat_m2(condition);
         Candidate {
             oxidizer_kg_s,
             fuel_kg_s,
@@ -278,8 +278,8 @@ impl PaperEngine {
         let hot = self.candidate(engine, condition, oxidizer_kg_s);
         let f = condition.burning_fraction.clamp(0.0, 1.0);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.cold_isp_s * oxidizer_kg_s;
-        let cold_pa =
-            (self.cold_c_star_m_s * oxidizer_kg_s / engine.open_throat_m2(condition)).max(condition.ambient_pa);
+        let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s / engine.open_throat_m2(condition))
+            .max(condition.ambient_pa);
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         Candidate {
             fuel_kg_s: f * hot.fuel_kg_s,
