@@ -153,12 +153,12 @@ fn times(page: &mut Page, t: &Timing) {
     let late = format!("p99 {LATENESS_BUDGET_US:.0}");
     let trip = format!("p99 {ROUND_TRIP_BUDGET_US:.0}");
     let rows: [(&str, &Option<Percentiles>, Option<(&str, Judged, f64)>); 7] = [
-        ("step of the plant", &t.step_us, Some((&step, p999, t.step_budget_us))),
-        ("whole cycle", &t.cycle_us, Some((&step, p999, t.step_budget_us))),
-        ("lateness", &t.lateness_us, Some((&late, p99, LATENESS_BUDGET_US))),
+        ("step of the plant", &t.step_us, Some((step.as_str(), p999, t.step_budget_us))),
+        ("whole cycle", &t.cycle_us, Some((step.as_str(), p999, t.step_budget_us))),
+        ("lateness", &t.lateness_us, Some((late.as_str(), p99, LATENESS_BUDGET_US))),
         ("  beside a bare sleep", &t.reference_sleep_us, None),
-        ("round trip, time stamp", &t.round_trip_us, Some((&trip, p99, ROUND_TRIP_BUDGET_US))),
-        ("round trip, echo", &t.echo_us, Some((&trip, p99, ROUND_TRIP_BUDGET_US))),
+        ("round trip, time stamp", &t.round_trip_us, Some((trip.as_str(), p99, ROUND_TRIP_BUDGET_US))),
+        ("round trip, echo", &t.echo_us, Some((trip.as_str(), p99, ROUND_TRIP_BUDGET_US))),
         ("  beside a bare echo", &t.reference_echo_us, None),
     ];
     for (name, measured, budget) in rows {

@@ -115,10 +115,7 @@ impl Bench<'_> {
             self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));
             self.flight.set_source(self.options.source);
         }
-        if !self.fc.answers {
-            self.fc.answers = true;
-            self.clock.rebase(now.us());
-        }
+        self.fc.answers = true;
         let echo_ms = self.scenario.vehicle.controls.echo_ms(&frame.controls);
         self.figures.note_controls(frame.time_us, echo_ms, self.gap_ns());
         // In lockstep a controller that repeats itself is as silent as one that says nothing.

@@ -261,9 +261,7 @@ impl<'a> Bench<'a> {
         if !self.options.fast {
             // Never ahead of real time; what a slow answer cost is not made up for.
             self.clock.wait_until(time_us);
-            if self.clock.behind_ns(time_us) > 1_000_000 {
-                self.clock.rebase(time_us);
-            }
+            self.clock.rebase(time_us);
         }
         self.fc.answered = false;
         self.note_sent();
@@ -288,6 +286,7 @@ impl<'a> Bench<'a> {
                 break;
             }
             self.link.wait(deadline.min(now + SLICE));
+            self.clock.has_rested();
         }
         self.fc.waited += start.elapsed();
         self.figures.stalls += 1;
