@@ -13,15 +13,19 @@ mod serial;
 
 // Flight controllers and time.
 pub mod pace;
+pub mod realtime;
+
 pub mod planner;
 pub mod profile;
 pub mod stream;
+pub mod yardstick;
 
 // The run.
 pub mod bench;
 pub mod drawing;
 pub mod live;
 pub mod pilot;
+pub mod certificate;
 pub mod report;
 pub mod throttle_map;
 

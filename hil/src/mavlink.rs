@@ -125,6 +125,10 @@ pub struct Counters {
     pub unknown: u64,
     /// Frames missing by the gaps in the senders' counters.
     pub lost: u64,
+    /// Frames that came twice by the senders' counters.
+    pub duplicates: u64,
+    /// Frames that came after a later one of the same sender.
+    pub out_of_order: u64,
     /// Bytes that belonged to no frame.
     pub skipped_bytes: u64,
 }
@@ -134,8 +138,17 @@ pub struct Counters {
 pub struct Decoder {
     buffer: Vec<u8>,
     start: usize,
-    last_sequence: Vec<(u8, u8, u8)>,
+    senders: Vec<Sender>,
     counters: Counters,
+}
+
+/// The counter of one system and component.
+#[derive(Debug)]
+struct Sender {
+    id: (u8, u8),
+    last: u8,
+    /// Bit `n`: the frame `n` before the last has come.
+    seen: u32,
 }
 
 /// What stands at one place of the buffer.
@@ -207,7 +220,7 @@ impl Decoder {
 
     /// Somebody else may speak from here on: no gap to what was before.
     pub fn forget_senders(&mut self) {
-        self.last_sequence.clear();
+        self.senders.clear();
     }
 
     fn skip(&mut self, length: usize) {
@@ -243,24 +256,33 @@ impl Decoder {
         frame
     }
 
-    /// Counts what is missing between this frame and the last of the same sender.
+    /// Counts what is missing between this frame and the last of the same sender, and what came late or twice.
     fn follow(&mut self, frame: &Frame) {
-        let sender = (frame.system_id, frame.component_id);
-        // A flight controller has a handful of components; noise that looks like more is not followed.
-        let room = self.last_sequence.len() < 32;
-        match self.last_sequence.iter_mut().find(|(s, c, _)| (*s, *c) == sender) {
-            Some((_, _, last)) => {
-                let gap = frame.sequence.wrapping_sub(*last).wrapping_sub(1);
-                // Half the circle or more is a sender that began anew, or a frame that came late or twice.
-                if gap < 128 {
-                    self.counters.lost += u64::from(gap);
-                }
-                *last = frame.sequence;
+        let id = (frame.system_id, frame.component_id);
+        let Some(sender) = self.senders.iter_mut().find(|sender| sender.id == id) else {
+            // A flight controller has a handful of components; noise that looks like more is not followed.
+            if self.senders.len() < 32 {
+                self.senders.push(Sender { id, last: frame.sequence, seen: 1 });
             }
-            None if room => {
-                self.last_sequence.push((sender.0, sender.1, frame.sequence));
+            return;
+        };
+        let ahead = frame.sequence.wrapping_sub(sender.last);
+        let behind = sender.last.wrapping_sub(frame.sequence);
+        match (ahead, behind) {
+            (1..=127, _) => {
+                self.counters.lost += u64::from(ahead) - 1;
+                sender.seen = sender.seen.checked_shl(ahead.into()).unwrap_or(0) | 1;
+                sender.last = frame.sequence;
             }
-            None => {}
+            (_, 0..32) if sender.seen & (1 << behind) != 0 => self.counters.duplicates += 1,
+            (_, 0..32) if self.counters.lost > 0 => {
+                // It was taken for lost.
+                sender.seen |= 1 << behind;
+                self.counters.out_of_order += 1;
+                self.counters.lost -= 1;
+            }
+            // A sender that began anew.
+            _ => (sender.last, sender.seen) = (frame.sequence, 1),
         }
     }
 }
@@ -557,6 +579,24 @@ mod tests {
         assert_eq!(got, expected);
         assert_eq!(counters.lost, hit.len() as u64);
         assert!(counters.crc_errors + counters.unknown <= 2 * hit.len() as u64, "{counters:?}");
+    }
+
+    #[test]
+    fn frames_that_come_twice_late_or_never_are_told_apart() {
+        let (bytes, ends) = stream(300);
+        let frame = |i: usize| bytes[if i == 0 { 0 } else { ends[i - 1] }..ends[i]].to_vec();
+        let counted = |order: &[usize]| {
+            let (frames, counters) = decode(&order.iter().flat_map(|i| frame(*i)).collect::<Vec<_>>());
+            assert_eq!(frames.len(), order.len());
+            (counters.lost, counters.duplicates, counters.out_of_order)
+        };
+        assert_eq!(counted(&[0, 1, 1, 2, 3, 3, 3]), (0, 3, 0));
+        assert_eq!(counted(&[0, 2, 1, 3, 7, 6, 5, 8]), (1, 0, 3));
+        assert_eq!(counted(&[0, 2, 1, 1, 0, 3]), (0, 2, 1));
+        assert_eq!(counted(&[0, 40, 41]), (39, 0, 0));
+        // The counter has 256 values; a frame from far behind is a sender that began anew.
+        assert_eq!(counted(&[254, 256, 255, 257]), (0, 0, 1));
+        assert_eq!(counted(&[100, 101, 0, 1, 2]), (0, 0, 0));
     }
 
     #[test]

@@ -111,10 +111,12 @@ impl Pilot {
         let command = self.autopilot.update(measurement);
         self.planner.take(&mut self.autopilot);
         self.armed = command.armed;
+        let mut controls = self.controls.encode(&command, &self.scale);
+        self.controls.set_echo(&mut controls, measurement.time);
         let frame = ControlsFrame {
             time_us: measurement.time.us(),
             flags: FLAG_LOCKSTEP,
-            controls: self.controls.encode(&command, &self.scale),
+            controls,
             mode: MODE_CUSTOM | if command.armed { MODE_ARMED } else { 0 },
         };
         self.out.clear();

@@ -115,16 +115,9 @@ impl Bench<'_> {
             self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));
             self.flight.set_source(self.options.source);
         }
-        if !self.fc.answers {
-            self.fc.answers = true;
-            self.clock.rebase(now.us());
-        }
-        let (sent_us, sent_ns) = self.figures.sent[(frame.time_us / 1000) as usize % self.figures.sent.len()];
-        if sent_us == frame.time_us && sent_us > 0 {
-            self.figures.round_trip.record_ns(now_ns - sent_ns);
-            // A second answer to the same sample is none.
-            self.figures.sent[(sent_us / 1000) as usize % self.figures.sent.len()] = (0, 0);
-        }
+        self.fc.answers = true;
+        let echo_ms = self.scenario.vehicle.controls.echo_ms(&frame.controls);
+        self.figures.note_controls(frame.time_us, echo_ms, self.gap_ns());
         // In lockstep a controller that repeats itself is as silent as one that says nothing.
         if frame.time_us == 0 || frame.time_us == now.us() {
             self.fc.answered = true;

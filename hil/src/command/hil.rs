@@ -13,11 +13,14 @@ use hopbench::simulation::{Flight, Instrumentation, Source};
 
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
 use crate::bench::{Belief, Bench, Options};
+use crate::certificate::{self, Machine};
 use crate::link::{Link, LinkSpec};
 use crate::live::Live;
 use crate::load;
 use crate::profile::{self, Budget, Pacing, Profile, SensorRates};
+use crate::realtime::{self, Privileges};
 use crate::report::{RunFolder, summary};
+use crate::yardstick::Yardsticks;
 
 /// Put a flight controller on the bench: the plant in real time or in lockstep, MAVLink on the wire
 #[derive(Debug, clap::Args)]
@@ -45,6 +48,15 @@ pub struct Args {
     /// Rate of HIL_SENSOR; a divisor of 1000. By default the vehicle file's
     #[arg(long, value_name = "HZ", value_parser = sensor_rate)]
     pub sensor_hz: Option<u32>,
+    /// Do not ask the kernel for SCHED_FIFO, locked memory and a CPU
+    #[arg(long, conflicts_with = "cpu")]
+    pub no_realtime_priority: bool,
+    /// CPU for the thread that steps the plant; by default an isolated one or the last, where there are more than two
+    #[arg(long, value_name = "N")]
+    pub cpu: Option<usize>,
+    /// Measure a bare sleep and a bare echo beside the run
+    #[arg(long)]
+    pub references: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens
     #[arg(long, value_name = "PATH")]
     pub ready_file: Option<PathBuf>,
@@ -69,6 +81,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let pacing = chosen_pacing(args, profile)?;
     let instruments =
         Instrumentation { imu_rate_hz: args.sensor_hz.map(f64::from), gnss_delay_s: profile.gnss_delay_s };
+    check_cpu(args)?;
     let live = Live::stderr();
     let baud = check_budget(args, profile, &scenario, &live)?;
     let raised = profile.raise_noise(&mut scenario.vehicle.sensors, instruments.imu_rate_hz);
@@ -111,8 +124,18 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         baud,
     };
     let belief = || built_in.as_ref().and_then(BuiltIn::belief);
-    let (timing, link_report) =
+    let privileges = privileges(args);
+    let yardsticks = args.references.then(|| Yardsticks::start((flight.step_s() * 1e6).round() as u64));
+    let yardsticks = yardsticks.transpose().context("no bare sleep and echo beside the run")?;
+    let (mut timing, link_report) =
         Bench::new(&mut flight, &mut link, options, live).believing(&belief).run(&stop);
+    if let Some((sleep, echo)) = yardsticks.map(Yardsticks::finish) {
+        (timing.reference_sleep_us, timing.reference_echo_us) = (sleep.percentiles(), echo.percentiles());
+    }
+    timing.scheduler = privileges.as_ref().map(|privileges| privileges.granted().clone());
+    timing.sensor_hz = instruments.imu_rate_hz.or(Some(scenario.vehicle.sensors.imu.rate_hz));
+    // The rest is in no hurry.
+    drop(privileges);
     if let Some(built_in) = built_in {
         built_in.join();
     }
@@ -122,7 +145,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.link = Some(link_report);
     report.overrides = common.set.clone();
     // The verdict is printed whatever becomes of the disk.
-    let kept = folder.write(&mut report);
+    let kept = folder.write(&mut report).and_then(|()| {
+        let bench = certificate::Bench { profile: profile.name, link: link.address(), step_s: flight.step_s() };
+        folder.leave(certificate::FILE, &certificate::page(&report, &bench, &Machine::here()))
+    });
     if common.json {
         print_json(&report)?;
     } else {
@@ -130,6 +156,21 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     kept?;
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
+}
+
+/// What the stepping thread, this one, asks of the kernel; nothing where no clock is followed.
+fn privileges(args: &Args) -> Option<Privileges> {
+    (!args.no_realtime_priority && !args.fast).then(|| Privileges::acquire(args.cpu))
+}
+
+fn check_cpu(args: &Args) -> Result<(), InputError> {
+    let allowed = realtime::cpus();
+    match args.cpu {
+        Some(cpu) if !allowed.contains(&cpu) => {
+            Err(wrong("--cpu", format!("{cpu} is not one that this process may use; allowed: {allowed:?}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn chosen_profile(args: &Args) -> &'static Profile {
