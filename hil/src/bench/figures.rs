@@ -3,6 +3,7 @@
 use hopbench::simulation::report::{LinkReport, Percentiles, TailPercentiles, Timing};
 
 use super::Bench;
+use crate::disruption::Sample;
 use crate::pace::{Distribution, now_ns};
 use crate::profile::Pacing;
 
@@ -13,7 +14,6 @@ pub(super) struct Figures {
     pub(super) step_cost: Distribution,
     pub(super) round_trip: Distribution,
     pub(super) steps: u64,
-    pub(super) stalls: u64,
     /// Frames encoded before, taken by the link and thrown away.
     pub(super) encoded: u64,
     pub(super) taken: u64,
@@ -32,7 +32,6 @@ impl Figures {
             step_cost: Distribution::new(),
             round_trip: Distribution::new(),
             steps: 0,
-            stalls: 0,
             encoded: 0,
             taken: 0,
             dropped: 0,
@@ -44,7 +43,25 @@ impl Figures {
 }
 
 impl Bench<'_> {
+    /// Sends what waits: through a bad wire, if it is one.
     pub(super) fn flush(&mut self) {
+        let now = self.flight.time();
+        if self.disruption.is_clear() {
+            let sampled = self.flight.measurement().is_some();
+            self.fc.awaited = sampled.then_some(Sample { time_us: now.us(), lost: false });
+            return self.send_straight();
+        }
+        let bytes = self.streams.bytes();
+        let (frames, newest) = self.disruption.carry_to_fc(bytes, now);
+        let taken = self.link.send(bytes);
+        bytes.clear();
+        self.figures.encoded = self.streams.frames();
+        *(if taken { &mut self.figures.taken } else { &mut self.figures.dropped }) += frames;
+        self.fc.await_answer(newest);
+    }
+
+    /// Sends what waits, whatever is broken.
+    pub(super) fn send_straight(&mut self) {
         let taken = self.link.send(self.streams.bytes());
         self.streams.bytes().clear();
         let frames = self.streams.frames() - self.figures.encoded;
@@ -58,7 +75,11 @@ impl Bench<'_> {
         self.figures.sent[slot] = (time_us, now_ns());
     }
 
-    pub(super) fn finish(self) -> (Timing, LinkReport) {
+    pub(super) fn finish(mut self) -> (Timing, LinkReport) {
+        if let Some(text) = self.stalls.remaining(now_ns()) {
+            self.live.notice(text);
+        }
+        let (stalls, stalled) = self.stalls.report();
         let wall_s = (now_ns() - self.figures.start_ns) as f64 * 1e-9;
         let simulated_s = self.flight.time().s();
         let counters = self.decoder.counters();
@@ -82,7 +103,9 @@ impl Bench<'_> {
             lost: counters.lost,
             skipped_bytes: counters.skipped_bytes,
             refused: self.link.counters().refused,
-            stalls: self.figures.stalls,
+            stalls,
+            stalled,
+            disrupted: self.disruption.report(),
             // Ten symbols to a byte.
             wire_load_percent: self
                 .options
