@@ -48,6 +48,9 @@ pub struct Report {
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
+    /// What was changed from outside while it flew, in order; such a run is not its scenario's.
+    #[serde(default)]
+    pub modified: Vec<String>,
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
