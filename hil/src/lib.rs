@@ -1,7 +1,7 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
 //! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
+//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
 
 // Files.
 pub mod load;
@@ -10,6 +10,7 @@ pub mod load;
 pub mod link;
 pub mod mavlink;
 mod serial;
+pub mod disruption;
 
 // Flight controllers and time.
 pub mod pace;

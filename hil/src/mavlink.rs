@@ -29,6 +29,7 @@ mod id {
     pub const COMMAND_LONG: u32 = 76;
     pub const COMMAND_ACK: u32 = 77;
     pub const HIL_ACTUATOR_CONTROLS: u32 = 93;
+    pub const HIL_SENSOR: u32 = 107;
 }
 
 /// One frame whose checksum held.
@@ -205,12 +206,7 @@ impl Decoder {
                 Candidate::Partial => {
                     // A damaged length may claim bytes that never come, and the other side may be waiting
                     // for an answer to the whole frame that stands behind it.
-                    let behind = (1..rest.len()).find(|&i| match candidate(&rest[i..]) {
-                        Candidate::Whole { length } => {
-                            rest.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
-                        }
-                        _ => false,
-                    })?;
+                    let behind = whole_behind(rest)?;
                     self.counters.crc_errors += 1;
                     self.skip(behind);
                 }
@@ -335,6 +331,48 @@ fn candidate(bytes: &[u8]) -> Candidate {
         (0..=u8::MAX).any(|seed| sent == accumulate(crc, seed))
     };
     if fits { Candidate::Unknown { length } } else { Candidate::Nothing }
+}
+
+/// Where a whole frame stands behind one whose end has not arrived.
+fn whole_behind(bytes: &[u8]) -> Option<usize> {
+    (1..bytes.len()).find(|&i| match candidate(&bytes[i..]) {
+        Candidate::Whole { length } => {
+            bytes.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
+        }
+        _ => false,
+    })
+}
+
+/// The next piece of a stream of bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cut {
+    /// A whole frame of this length.
+    Frame(usize),
+    /// So many bytes that belong to none.
+    Noise(usize),
+}
+
+/// Cuts a stream as [`Decoder`] reads it; `None` until more bytes come.
+pub(crate) fn cut(bytes: &[u8]) -> Option<Cut> {
+    if bytes.is_empty() {
+        return None;
+    }
+    match candidate(bytes) {
+        Candidate::Whole { length } | Candidate::Unknown { length } => Some(Cut::Frame(length)),
+        Candidate::Damaged | Candidate::Nothing => Some(Cut::Noise(1)),
+        Candidate::Partial => whole_behind(bytes).map(Cut::Noise),
+    }
+}
+
+/// Time of the sample that a whole frame is, if it is a HIL_SENSOR, or answers, if it is a
+/// HIL_ACTUATOR_CONTROLS (us).
+pub(crate) fn sample_time_us(frame: &[u8]) -> Option<u64> {
+    let (id, payload) = match frame[0] {
+        MAGIC_2 => (message_id_2(frame), &frame[10..10 + usize::from(frame[1])]),
+        _ => (frame[5].into(), &frame[6..6 + usize::from(frame[1])]),
+    };
+    matches!(id, id::HIL_SENSOR | id::HIL_ACTUATOR_CONTROLS)
+        .then(|| u64::from_le_bytes(Payload(payload).bytes(0)))
 }
 
 impl Frame {
@@ -462,6 +500,27 @@ pub fn heartbeat(base_mode: u8) -> MavMessage {
         system_status: dialect::MavState::MAV_STATE_ACTIVE,
         mavlink_version: 3,
     })
+}
+
+/// COMMAND_LONG that tells a system and component to boot anew.
+pub fn reboot(to: (u8, u8)) -> MavMessage {
+    MavMessage::COMMAND_LONG(dialect::COMMAND_LONG_DATA {
+        param1: 1.0, // 1: the autopilot
+        command: dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+        target_system: to.0,
+        target_component: to.1,
+        ..Default::default()
+    })
+}
+
+/// Whether a message tells this system and component to boot anew.
+pub fn is_reboot(message: &MavMessage, own: (u8, u8)) -> bool {
+    let MavMessage::COMMAND_LONG(data) = message else { return false };
+    let reaches = |target: u8, own: u8| target == 0 || target == own;
+    data.command == dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+        && data.param1 == 1.0
+        && reaches(data.target_system, own.0)
+        && reaches(data.target_component, own.1)
 }
 
 /// SYSTEM_TIME; the Unix time is unknown to a simulated clock, hence 0.

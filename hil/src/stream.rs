@@ -12,7 +12,7 @@ use crate::mavlink::measurement::{
 };
 use crate::mavlink::{
     Command, Encoder, FromFc, HIL_STATE_QUATERNION_ID, MavMessage, RESULT_ACCEPTED, RESULT_UNSUPPORTED,
-    SET_MESSAGE_INTERVAL, heartbeat, no_parameters, system_time,
+    SET_MESSAGE_INTERVAL, heartbeat, no_parameters, reboot, system_time,
 };
 use crate::profile::{Heartbeat, Profile};
 
@@ -94,6 +94,11 @@ impl Streams {
     /// A heartbeat at once.
     pub fn put_heartbeat(&mut self) {
         self.put(&heartbeat(0));
+    }
+
+    /// Tells the flight controller to boot anew.
+    pub fn put_reboot(&mut self, to: (u8, u8)) {
+        self.put(&reboot(to));
     }
 
     /// Everything of one instant.

@@ -9,6 +9,9 @@ use crate::pace::now_ns;
 impl Bench<'_> {
     pub(super) fn inform(&mut self) {
         let now = now_ns();
+        if let Some(text) = self.stalls.notice(now) {
+            self.live.notice(text);
+        }
         if self.fc.first.is_none() {
             if now >= self.figures.next_message_ns {
                 self.figures.next_message_ns = now + 1_000_000_000;

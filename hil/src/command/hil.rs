@@ -243,7 +243,7 @@ impl BuiltIn {
         address: &str,
     ) -> Result<Self> {
         let plant: LinkSpec = address.replace("udp-listen:", "udp:").parse()?;
-        let mut pilot = autopilot::pilot(scenario, instruments, profile.throttle)?;
+        let mut pilot = autopilot::pilot(scenario, instruments, profile.throttle)?.staying();
         let mut link = Link::open(&plant)?;
         let (done, belief) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(None)));
         let (stop, told) = (Arc::clone(&done), Arc::clone(&belief));
