@@ -18,7 +18,7 @@ use crate::autopilot::abort::{Abort, AbortKind};
 use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::plant::{Plant, Snapshot};
+use crate::plant::{Interference, Plant, Snapshot};
 use crate::scenario::{Outcome, Place, Scenario};
 use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
@@ -33,6 +33,8 @@ const HASH_EVERY: u64 = 100;
 pub struct Flight {
     scenario: Scenario,
     seed: u32,
+    instruments: Instrumentation,
+    told: Parameters,
     step: SimTime,
     plant: Plant,
     sensors: Option<SensorSuite>,
@@ -52,6 +54,7 @@ pub struct Flight {
     estimate_at_touchdown: Option<Vec3>,
     flown_elsewhere: bool,
     reference_elsewhere_ned_m: Option<Vec3>,
+    interference: Interference,
 }
 
 /// What a bench may ask of the sensors beyond the scenario.
@@ -137,7 +140,9 @@ impl Flight {
         let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
         let scheduled = scenario.schedule.is_some();
         Ok(Self {
-            autopilot: Autopilot::new(told),
+            autopilot: Autopilot::new(told.clone()),
+            told,
+            instruments: *instruments,
             referee: Referee::new(Rules {
                 target_ned_m: target,
                 stroke_m,
@@ -164,7 +169,41 @@ impl Flight {
             estimate_at_touchdown: None,
             flown_elsewhere: false,
             reference_elsewhere_ned_m: None,
+            interference: Interference::default(),
         })
+    }
+
+    /// The same flight at step 0 again, as the scenario has it, under a seed.
+    ///
+    /// # Errors
+    /// As [`Flight::new`].
+    pub fn again(&self, seed: u32) -> Result<Self, Invalid> {
+        let plant = Plant::seeded(&self.scenario, seed)?;
+        let mut fresh = Self::assemble(&self.scenario, seed, &self.instruments, plant, self.told.clone())?;
+        fresh.flown_elsewhere = self.flown_elsewhere;
+        Ok(fresh)
+    }
+
+    /// Seed of its random streams.
+    pub fn seed(&self) -> u32 {
+        self.seed
+    }
+
+    /// What was asked of the sensors beyond the scenario.
+    pub fn instruments(&self) -> &Instrumentation {
+        &self.instruments
+    }
+
+    /// Wind and disturbances that somebody at a bench has added.
+    pub fn interference(&self) -> &Interference {
+        &self.interference
+    }
+
+    /// Adds wind and disturbances from the next step on, instead of those added before. The caller notes
+    /// that the run is modified.
+    pub fn interfere(&mut self, interference: Interference) {
+        self.interference = interference;
+        self.plant.interfere(&interference);
     }
 
     /// Length of a step (s).

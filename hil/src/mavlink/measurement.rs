@@ -295,7 +295,7 @@ pub fn named_pressures(pressures: &Pressures) -> [(&'static str, Option<f64>); 3
 }
 
 /// rad -> 1e-7 deg
-fn deg_e7(angle_rad: f64) -> i32 {
+pub(super) fn deg_e7(angle_rad: f64) -> i32 {
     (angle_rad.to_degrees() * 1e7).round() as i32
 }
 
@@ -304,7 +304,7 @@ fn centi_u16(value: f64) -> u16 {
     ((value * 100.0).round() as u16).min(u16::MAX - 1)
 }
 
-fn centi_i16(value: f64) -> i16 {
+pub(super) fn centi_i16(value: f64) -> i16 {
     (value * 100.0).round() as i16
 }
 
