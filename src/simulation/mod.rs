@@ -24,7 +24,7 @@ use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
 
-use report::{MassBalance, Propellant, Timing, Verdict};
+use report::{Handover, MassBalance, Propellant, Timing, Verdict};
 
 /// States are hashed at this interval [steps].
 const HASH_EVERY: u64 = 100;
@@ -45,6 +45,7 @@ pub struct Flight {
     initial: Snapshot,
     events: Vec<Event>,
     flown_by: Vec<FlownBy>,
+    handovers: Vec<Handover>,
     source: Source,
     armed: bool,
     phase: Option<&'static str>,
@@ -160,6 +161,7 @@ impl Flight {
             snapshot,
             events: Vec::new(),
             flown_by: Vec::new(),
+            handovers: Vec::new(),
             source: Source::Autopilot,
             armed: false,
             phase: None,
@@ -417,6 +419,11 @@ impl Flight {
         }
     }
 
+    /// Notes what a change of hands did.
+    pub fn note_handover(&mut self, handover: Handover) {
+        self.handovers.push(handover);
+    }
+
     /// The estimate of the autopilot that flew, if that was not the flight's own but one at the other
     /// end of a link; used for the errors at touchdown.
     pub fn set_estimate_at_touchdown(&mut self, position_ned_m: Vec3) {
@@ -475,6 +482,7 @@ impl Flight {
             seed: self.seed,
             outcome: self.outcome().unwrap_or(Outcome::Aborted),
             flown_by,
+            handovers: self.handovers.clone(),
             expect: Verdict::default(),
             touchdown,
             max_altitude_m: self.referee.max_altitude_m,
