@@ -1,7 +1,8 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
 //! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
+//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop; [`ground`] is
+//! for those who watch.
 
 // Files.
 pub mod load;
@@ -11,11 +12,19 @@ pub mod link;
 pub mod mavlink;
 mod serial;
 
+// What may be asked of a bench.
+pub mod desk;
+pub mod failure;
+pub mod parameter;
+
 // Flight controllers and time.
 pub mod pace;
 pub mod planner;
 pub mod profile;
 pub mod stream;
+
+// People who watch.
+pub mod ground;
 
 // The run.
 pub mod bench;

@@ -28,6 +28,8 @@ pub fn sleep_until_ns(deadline_ns: u64) {
 pub struct RealTime {
     origin_ns: u64,
     origin_us: u64,
+    /// Simulated time to a second of the wall clock.
+    speed: f64,
     step_us: u64,
     lateness: Distribution,
     /// The same since it was last asked for.
@@ -41,6 +43,7 @@ impl RealTime {
         Self {
             origin_ns: now_ns(),
             origin_us: time_us,
+            speed: 1.0,
             step_us,
             lateness: Distribution::new(),
             recent: Distribution::new(),
@@ -53,9 +56,20 @@ impl RealTime {
         (self.origin_ns, self.origin_us) = (now_ns(), time_us);
     }
 
+    /// From `time_us` on simulated time runs at this multiple of the wall clock.
+    pub fn set_speed(&mut self, speed: f64, time_us: u64) {
+        self.rebase(time_us);
+        self.speed = speed;
+    }
+
+    /// Simulated time to a second of the wall clock.
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
     /// When `time_us` is due on the monotonic clock (ns).
     pub fn deadline_ns(&self, time_us: u64) -> u64 {
-        self.origin_ns + time_us.saturating_sub(self.origin_us) * 1000
+        self.origin_ns + (time_us.saturating_sub(self.origin_us) as f64 * 1e3 / self.speed) as u64
     }
 
     /// How far the wall clock is ahead of `time_us` (ns).

@@ -56,6 +56,7 @@ pub struct Flight {
     flown_elsewhere: bool,
     reference_elsewhere_ned_m: Option<Vec3>,
     interference: Interference,
+    earlier: Vec<Report>,
 }
 
 /// What a bench may ask of the sensors beyond the scenario.
@@ -172,6 +173,7 @@ impl Flight {
             flown_elsewhere: false,
             reference_elsewhere_ned_m: None,
             interference: Interference::default(),
+            earlier: Vec::new(),
         })
     }
 
@@ -184,6 +186,23 @@ impl Flight {
         let mut fresh = Self::assemble(&self.scenario, seed, &self.instruments, plant, self.told.clone())?;
         fresh.flown_elsewhere = self.flown_elsewhere;
         Ok(fresh)
+    }
+
+    /// Ends this flight's place in the process: its report is kept, and it is at step 0 again.
+    ///
+    /// # Errors
+    /// As [`Flight::new`]; then nothing has changed.
+    pub fn begin_again(&mut self, seed: u32, fc_must_fly: bool) -> Result<(), Invalid> {
+        let mut fresh = self.again(seed)?;
+        fresh.earlier = std::mem::take(&mut self.earlier);
+        fresh.earlier.push(self.report(fc_must_fly));
+        *self = fresh;
+        Ok(())
+    }
+
+    /// Reports of the flights that came before this one in the process.
+    pub fn earlier(&self) -> &[Report] {
+        &self.earlier
     }
 
     /// Seed of its random streams.
@@ -502,6 +521,8 @@ impl Flight {
             state_hash: format!("{:016x}", hash.0),
             run: None,
             overrides: Vec::new(),
+            flights: self.earlier.clone(),
+            ground: None,
         };
         let flight_time_s =
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);

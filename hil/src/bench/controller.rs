@@ -94,6 +94,9 @@ impl Bench<'_> {
             }
             return;
         }
+        if self.is_stale(frame.time_us) {
+            return;
+        }
         let controls = &self.scenario.vehicle.controls;
         let armed = frame.armed();
         let command =
@@ -109,7 +112,7 @@ impl Bench<'_> {
                     return;
                 }
             };
-        let (now, now_ns) = (self.flight.time(), now_ns());
+        let (now, on_wire, now_ns) = (self.flight.time(), self.wire_time(), now_ns());
         if self.fc.first.is_none() {
             self.fc.first = Some(now);
             self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));
@@ -126,7 +129,7 @@ impl Bench<'_> {
             self.figures.sent[(sent_us / 1000) as usize % self.figures.sent.len()] = (0, 0);
         }
         // In lockstep a controller that repeats itself is as silent as one that says nothing.
-        if frame.time_us == 0 || frame.time_us == now.us() {
+        if frame.time_us == 0 || frame.time_us == on_wire.us() {
             self.fc.answered = true;
             self.fc.waited = Duration::ZERO;
         }

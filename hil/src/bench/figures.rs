@@ -53,7 +53,7 @@ impl Bench<'_> {
     }
 
     pub(super) fn note_sent(&mut self) {
-        let time_us = self.flight.time().us();
+        let time_us = self.wire_time().us();
         let slot = (time_us / 1000) as usize % self.figures.sent.len();
         self.figures.sent[slot] = (time_us, now_ns());
     }
