@@ -16,6 +16,7 @@ pub use report::{Event, FlownBy, Ladders, Report, Source};
 
 use crate::autopilot::abort::{Abort, AbortKind};
 use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
+use crate::fault::{self, Acting, Component, Fault, Faults, Mode, WireEffect};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::plant::{Interference, Plant, Snapshot};
@@ -38,6 +39,10 @@ pub struct Flight {
     step: SimTime,
     plant: Plant,
     sensors: Option<SensorSuite>,
+    faults: Faults,
+    /// Events that the faults have heard of.
+    heard: usize,
+    modified: Vec<String>,
     autopilot: Autopilot,
     referee: Referee,
     measurement: Option<Measurement>,
@@ -157,6 +162,9 @@ impl Flight {
             step,
             plant,
             sensors,
+            faults: Faults::new(&scenario.file.fault, u64::from(seed)),
+            heard: 0,
+            modified: Vec::new(),
             measurement: None,
             initial: snapshot,
             snapshot,
@@ -238,6 +246,7 @@ impl Flight {
             self.event("armed", String::new());
         }
         self.armed = command.armed;
+        self.break_down();
         self.plant.step(command);
         self.steps += 1;
         self.snapshot = *self.plant.snapshot();
@@ -251,6 +260,9 @@ impl Flight {
         let truth = self.plant.truth();
         let time = self.plant.time();
         self.measurement = self.sensors.as_mut().and_then(|sensors| sensors.sample(&truth, time));
+        if let Some(measurement) = &mut self.measurement {
+            self.faults.spoil(measurement);
+        }
         let seen = self.referee.watch(
             &self.snapshot,
             &Circumstances {
@@ -272,6 +284,75 @@ impl Flight {
         if self.steps.is_multiple_of(HASH_EVERY) {
             self.hash.state(self.plant.state());
         }
+    }
+
+    /// Lets begin and end what breaks, and tells the plant.
+    fn break_down(&mut self) {
+        while let Some(event) = self.events.get(self.heard) {
+            self.faults.hear(&event.name);
+            self.heard += 1;
+        }
+        let (time, events) = (self.plant.time(), &mut self.events);
+        let now = fault::Circumstances {
+            time,
+            mission_s: self.plant.mission_s(),
+            height_m: self.snapshot.height_m,
+            lit: self.snapshot.lit,
+            thrust_n: self.snapshot.thrust_n,
+        };
+        self.faults.advance(&now, |fault, begins| {
+            let (name, time_s) = (fault.name(), time.s());
+            events.push(if begins {
+                Event { time_s, name: format!("fault:{name}"), detail: fault.describe() }
+            } else {
+                Event { time_s, name: format!("fault_over:{name}"), detail: String::new() }
+            });
+        });
+        self.plant.set_faults(&self.faults.effects().plant);
+    }
+
+    /// Breaks something now, without regard to a trigger; what acts of the same component and mode is replaced. The run is
+    /// marked as modified.
+    ///
+    /// # Errors
+    /// When the component cannot break so, or the value is out of range.
+    pub fn inject(&mut self, fault: &Fault) -> Result<(), Invalid> {
+        self.faults.inject(fault, self.plant.time())?;
+        self.note_modified(&format!("fault {}", fault.describe()));
+        self.event(&format!("fault:{}", fault.name()), fault.describe());
+        Ok(())
+    }
+
+    /// Mends what acts in a component, of one mode or of any, and says how much that was. The run is marked as modified if anything was.
+    pub fn clear_fault(&mut self, component: Component, mode: Option<Mode>) -> usize {
+        let mut ended = Vec::new();
+        self.faults.clear(component, mode, |fault| ended.push((fault.name(), fault.describe())));
+        for (name, what) in &ended {
+            self.note_modified(&format!("mended {what}"));
+            self.event(&format!("fault_over:{name}"), String::new());
+        }
+        ended.len()
+    }
+
+    /// The faults that act now.
+    pub fn faults(&self) -> impl Iterator<Item = &Acting> {
+        self.faults.acting()
+    }
+
+    /// What is broken between the bench and the flight controller.
+    pub fn wire_effect(&self) -> &WireEffect {
+        &self.faults.effects().wire
+    }
+
+    /// Notes that something was changed from outside: the run is no longer its scenario's.
+    pub fn note_modified(&mut self, what: &str) {
+        self.modified.push(format!("{:.3} s: {what}", self.plant.time().s()));
+        self.event("modified", what.to_owned());
+    }
+
+    /// What was changed from outside so far.
+    pub fn modified(&self) -> &[String] {
+        &self.modified
     }
 
     /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
@@ -521,6 +602,7 @@ impl Flight {
             state_hash: format!("{:016x}", hash.0),
             run: None,
             overrides: Vec::new(),
+            modified: self.modified.clone(),
             flights: self.earlier.clone(),
             ground: None,
         };

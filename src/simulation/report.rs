@@ -48,6 +48,9 @@ pub struct Report {
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
+    /// What was changed from outside while it flew, in order; such a run is not its scenario's.
+    #[serde(default)]
+    pub modified: Vec<String>,
     /// Reports of the flights before this one in the same process, each ended by a reset; absent when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flights: Vec<Report>,
