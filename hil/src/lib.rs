@@ -1,7 +1,8 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
 //! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
+//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is the
+//! clock; [`mod@bench`] is the loop; [`ground`] is for those who watch.
 
 // Files.
 pub mod load;
@@ -12,6 +13,11 @@ pub mod mavlink;
 mod serial;
 pub mod disruption;
 
+// What may be asked of a bench.
+pub mod desk;
+pub mod failure;
+pub mod parameter;
+
 // Flight controllers and time.
 pub mod pace;
 pub mod realtime;
@@ -20,6 +26,9 @@ pub mod planner;
 pub mod profile;
 pub mod stream;
 pub mod yardstick;
+
+// People who watch.
+pub mod ground;
 
 // The run.
 pub mod bench;

@@ -41,6 +41,8 @@ const WORST: usize = 16;
 pub struct RealTime {
     origin_ns: u64,
     origin_us: u64,
+    /// Simulated time to a second of the wall clock.
+    speed: f64,
     step_us: u64,
     lateness: Distribution,
     /// The same since it was last asked for.
@@ -116,6 +118,7 @@ impl RealTime {
         Self {
             origin_ns: now,
             origin_us: time_us,
+            speed: 1.0,
             step_us,
             lateness: Distribution::new(),
             recent: Distribution::new(),
@@ -160,9 +163,20 @@ impl RealTime {
         }
     }
 
+    /// From `time_us` on simulated time runs at this multiple of the wall clock.
+    pub fn set_speed(&mut self, speed: f64, time_us: u64) {
+        self.rebase(time_us);
+        self.speed = speed;
+    }
+
+    /// Simulated time to a second of the wall clock.
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
     /// When `time_us` is due on the monotonic clock (ns).
     pub fn deadline_ns(&self, time_us: u64) -> u64 {
-        self.origin_ns + time_us.saturating_sub(self.origin_us) * 1000
+        self.origin_ns + (time_us.saturating_sub(self.origin_us) as f64 * 1e3 / self.speed) as u64
     }
 
     /// Sleeps until `time_us` is due, and accounts for how late it has become.

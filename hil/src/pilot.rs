@@ -13,7 +13,7 @@ use hopbench::time::SimTime;
 
 use crate::bench::Belief;
 use crate::link::{Link, Notice};
-use crate::mavlink::measurement::Gatherer;
+use crate::mavlink::measurement::{Gatherer, is_reset};
 use crate::mavlink::{
     ControlsFrame, Decoder, Encoder, Frame, FromFc, MODE_ARMED, MODE_HIL, MavMessage, RESULT_ACCEPTED,
     actuator_controls, heartbeat, is_reboot,
@@ -107,9 +107,11 @@ impl Pilot {
             let hung_up = link.take_notices().iter().any(|n| matches!(n, Notice::Disconnected(_)));
             self.decoder.push(&received);
             while let Some(frame) = self.decoder.next_frame() {
+                // Whoever speaks is there, though simulated time may stand.
+                fed = Instant::now();
                 let Some(message) = frame.message() else { continue };
-                if matches!(message, MavMessage::HIL_SENSOR(_)) {
-                    fed = Instant::now();
+                if is_reset(&message) {
+                    self.forget();
                 }
                 if is_reboot(&message, ADDRESS) {
                     self.reboot(&frame, link);
@@ -172,8 +174,7 @@ impl Pilot {
     fn answer(&mut self, measurement: &Measurement) {
         if self.last.is_some_and(|last| measurement.time < last) {
             // A clock set anew: another flight on the same link.
-            self.autopilot = self.fresh.clone();
-            self.planner.forget();
+            self.forget();
         }
         self.last = Some(measurement.time);
         self.planner.deliver(&mut self.autopilot, measurement.time);
@@ -190,6 +191,13 @@ impl Pilot {
         };
         self.out.clear();
         self.encoder.encode(&actuator_controls(&frame), &mut self.out);
+    }
+
+    /// Begins anew, as after a boot.
+    fn forget(&mut self) {
+        self.autopilot = self.fresh.clone();
+        self.planner.forget();
+        self.armed = false;
     }
 
     /// Once a second, and faster until the plant has spoken: whoever listens answers only who writes.
@@ -211,6 +219,7 @@ impl Pilot {
             reference_ned_m: self.autopilot.reference().position_ned_m,
             estimate_ned_m: self.autopilot.estimate().position_ned_m,
             abort: self.autopilot.abort(),
+            time: self.last.unwrap_or(SimTime::ZERO),
         }
     }
 }

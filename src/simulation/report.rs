@@ -54,6 +54,29 @@ pub struct Report {
     /// Names of the scenario's faults that never began; absent when all did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults_idle: Vec<String>,
+    /// Reports of the flights before this one in the same process, each ended by a reset; absent when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub flights: Vec<Report>,
+    /// The ground station's link, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<GroundReport>,
+}
+
+/// What passed on the ground station's link.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GroundReport {
+    /// Frames of the bench itself.
+    pub sent: u64,
+    /// Whole frames that came.
+    pub received: u64,
+    /// Frames whose checksum did not hold.
+    pub crc_errors: u64,
+    /// Frames of the flight controller that were passed on.
+    pub forwarded_from_fc: u64,
+    /// Frames that were passed on to the flight controller.
+    pub forwarded_to_fc: u64,
+    /// Frames, or writes, that found no room.
+    pub dropped: u64,
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.

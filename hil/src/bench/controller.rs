@@ -149,6 +149,9 @@ impl Bench<'_> {
             }
             return;
         }
+        if self.is_stale(frame.time_us) {
+            return;
+        }
         let controls = &self.scenario.vehicle.controls;
         let armed = frame.armed();
         let command =
@@ -164,7 +167,7 @@ impl Bench<'_> {
                     return;
                 }
             };
-        let (now, now_ns) = (self.flight.time(), now_ns());
+        let (now, on_wire, now_ns) = (self.flight.time(), self.wire_time(), now_ns());
         if self.fc.first.is_none() {
             self.fc.first = Some(now);
             self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));

@@ -12,6 +12,7 @@
 mod controller;
 mod figures;
 mod handover;
+mod service;
 mod show;
 mod stall;
 
@@ -27,19 +28,21 @@ use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
 use crate::disruption::{Disruption, Sample};
+use crate::ground::Ground;
 use crate::link::Link;
 use crate::live::Live;
 use crate::mavlink::measurement::TrueState;
 use crate::mavlink::{Decoder, FromFc};
 use crate::pace::{RealTime, now_ns};
 use crate::planner::Planner;
-use crate::profile::{Heartbeat, Pacing, Profile};
+use crate::profile::{Heartbeat, Pacing, Profile, SensorRates};
 use crate::stream::Streams;
 
 use controller::FlightController;
 use figures::Figures;
 use handover::Hands;
 use stall::{NAMED_WITHIN, Stall, Stalls};
+use service::Services;
 
 /// Longest wait without a look at the request to stop.
 const SLICE: Duration = Duration::from_millis(50);
@@ -72,12 +75,18 @@ pub struct Belief {
     pub estimate_ned_m: hopbench::frame::Vec3,
     /// Whether and why it has given the mission up.
     pub abort: Option<hopbench::autopilot::abort::Abort>,
+    /// On the wire, when it was made.
+    pub time: SimTime,
 }
 
 /// One run on one link.
 pub struct Bench<'a> {
     flight: &'a mut Flight,
     link: &'a mut Link,
+    ground: Option<&'a mut Ground>,
+    services: Services,
+    /// Whether the bench goes on after a flight, until it is stopped.
+    stays: bool,
     options: Options,
     scenario: Scenario,
     scale: Scale,
@@ -118,7 +127,16 @@ impl<'a> Bench<'a> {
         let datum =
             Datum::new(site.latitude_deg.to_radians(), site.longitude_deg.to_radians(), site.altitude_m);
         let step_us = (flight.step_s() * 1e6).round() as u64;
+        let sensors = &scenario.vehicle.sensors;
+        let rates = SensorRates {
+            imu_hz: flight.instruments().imu_rate_hz.unwrap_or(sensors.imu.rate_hz),
+            gnss_hz: sensors.gnss.rate_hz,
+            altimeter_hz: sensors.altimeter.rate_hz,
+        };
         Self {
+            services: Services::new(options.profile, &rates, options.baud),
+            ground: None,
+            stays: false,
             scale: scale(&scenario),
             datum,
             belief: None,
@@ -157,14 +175,35 @@ impl<'a> Bench<'a> {
         self
     }
 
+    /// Lets a ground station watch and ask.
+    #[must_use]
+    pub fn watched(mut self, ground: &'a mut Ground) -> Self {
+        self.ground = Some(ground);
+        self
+    }
+
+    /// Goes on after a flight: it waits for the next reset, until it is stopped.
+    #[must_use]
+    pub fn staying(mut self) -> Self {
+        self.stays = true;
+        self
+    }
+
     /// Runs until the flight has ended or `stop` is set; then the flight's report is complete but for what
     /// is returned here.
     pub fn run(mut self, stop: &AtomicBool) -> (Timing, LinkReport) {
-        while self.flight.outcome().is_none() {
-            if stop.load(Ordering::Relaxed) {
-                self.flight.event("abort:interrupted", "ended by the user".to_owned());
-                self.flight.end(Outcome::Aborted);
+        loop {
+            let over = self.flight.outcome().is_some();
+            if stop.load(Ordering::Relaxed) || (over && !self.stays) {
                 break;
+            }
+            if self.services.begins_again() {
+                self.begin_again();
+                continue;
+            }
+            if over || self.services.stands() {
+                self.stand_by();
+                continue;
             }
             match self.stage {
                 Stage::Waiting => self.wait_for_somebody(),
@@ -183,9 +222,14 @@ impl<'a> Bench<'a> {
             }
             self.judge();
         }
+        if self.flight.outcome().is_none() {
+            self.flight.event("abort:interrupted", "ended by the user".to_owned());
+            self.flight.end(Outcome::Aborted);
+        }
         if let Some(handover) = self.hands.unfinished() {
             self.flight.note_handover(handover);
         }
+        self.serve();
         self.finish()
     }
 
@@ -226,6 +270,7 @@ impl<'a> Bench<'a> {
     /// Simulated time stands still until there is somebody to send to.
     fn wait_for_somebody(&mut self) {
         self.beat();
+        self.serve();
         self.flush();
         self.link.wait(Instant::now() + Duration::from_millis(20));
         self.receive();
@@ -263,6 +308,7 @@ impl<'a> Bench<'a> {
             self.note_sent();
         }
         if sampled || !self.disruption.is_clear() {
+            self.serve();
             self.flush();
         }
         if sampled {
@@ -275,7 +321,7 @@ impl<'a> Bench<'a> {
         if self.flight.measurement().is_none() && self.disruption.is_clear() {
             return;
         }
-        let time_us = self.flight.time().us();
+        let (time_us, on_wire_us) = (self.flight.time().us(), self.wire_time().us());
         if !self.options.fast {
             // Never ahead of real time; what a slow answer cost is not made up for.
             self.clock.wait_until(time_us);
@@ -353,15 +399,17 @@ impl<'a> Bench<'a> {
             self.beat();
             return;
         }
-        let time = self.flight.time();
+        let (time, on_wire) = (self.flight.time(), self.wire_time());
         let (flight, datum) = (&*self.flight, &self.datum);
-        self.streams.put_truth(time, || true_state(flight, datum));
+        self.streams.put_truth(on_wire, || true_state(flight, datum));
         if let Some(measurement) = self.flight.measurement() {
             (self.sample, self.sampled) = (time.since(self.sampled), time);
             let mut measurement = measurement.clone();
             self.options.profile.clamp(&mut measurement);
+            measurement.time = on_wire;
             self.streams.put_measurement(&measurement);
         }
+        self.streams.put_plant(on_wire, self.flight.snapshot());
     }
 
     /// The built-in autopilot: flies in the fallback, shadows before, and is asked what it believes.
@@ -386,7 +434,8 @@ impl<'a> Bench<'a> {
             return;
         }
         self.flight.shadow(&self.command);
-        if let Some(belief) = self.belief.and_then(|belief| belief()) {
+        // What it believed of the flight before is past.
+        if let Some(belief) = self.belief.and_then(|belief| belief()).filter(|b| !self.is_past(b.time)) {
             self.flight.note_abort(belief.abort);
             self.flight.note_phase(belief.phase);
             self.flight.set_reference_elsewhere(Some(belief.reference_ned_m));
@@ -412,13 +461,17 @@ impl<'a> Bench<'a> {
             return;
         }
         self.decoder.push(&self.received);
-        while let Some(frame) = self.decoder.next_frame() {
+        while let Some(frame) = self.decoder.next_frame_raw(|id, raw| {
+            if let Some(ground) = &mut self.ground {
+                ground.forward(id, raw);
+            }
+        }) {
             let said = frame.from_fc();
             let sender = (frame.system_id, frame.component_id);
             match &said {
                 FromFc::Controls(controls) => self.take_controls(controls, sender, frame.sequence),
                 FromFc::Heartbeat(beat) => self.take_heartbeat(*beat, sender),
-                _ => self.streams.answer(&said, self.flight.time()),
+                _ => self.take_request(&said),
             }
         }
     }

@@ -8,12 +8,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use hopbench::input::InputError;
-use hopbench::scenario::Scenario;
+use hopbench::scenario::{Outcome, Scenario};
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
 use crate::bench::{Belief, Bench, Options};
 use crate::certificate::{self, Machine};
+use crate::ground::Ground;
 use crate::link::{Link, LinkSpec};
 use crate::live::Live;
 use crate::load;
@@ -33,6 +34,12 @@ pub struct Args {
     /// What the flight controller expects; by default what fits the link
     #[arg(long, value_name = "PROFILE", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
     pub profile: Option<String>,
+    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a link as for --fc
+    #[arg(long, value_name = "LINK")]
+    pub gcs: Option<LinkSpec>,
+    /// After a flight wait for a reset and fly again, until Ctrl-C
+    #[arg(long)]
+    pub stay: bool,
     /// Steps follow the wall clock
     #[arg(long, conflicts_with = "lockstep")]
     pub realtime: bool,
@@ -101,6 +108,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         None => "udp-listen:127.0.0.1:0".parse()?,
     };
     let mut link = Link::open(&spec)?;
+    let mut ground = match &args.gcs {
+        Some(spec) => Some(Ground::new(Link::open(spec)?, baud_of(spec))),
+        None => None,
+    };
     let folder = match &common.out {
         Some(path) => RunFolder::create(path)?,
         None => RunFolder::for_run_of(&scenario.name)?,
@@ -111,9 +122,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         None => Some(BuiltIn::start(&scenario, &instruments, profile, link.address())?),
     };
     if let Some(path) = &args.ready_file {
-        write_ready_file(path, &link)?;
+        write_ready_file(path, &link, ground.as_ref())?;
     }
     live.notice(format!("{} on {}, profile {}", scenario.name, link.address(), profile.name));
+    if let Some(ground) = &ground {
+        live.notice(format!("ground station on {}", ground.address()));
+    }
 
     let options = Options {
         profile,
@@ -127,8 +141,14 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let privileges = privileges(args);
     let yardsticks = args.references.then(|| Yardsticks::start((flight.step_s() * 1e6).round() as u64));
     let yardsticks = yardsticks.transpose().context("no bare sleep and echo beside the run")?;
-    let (mut timing, link_report) =
-        Bench::new(&mut flight, &mut link, options, live).believing(&belief).run(&stop);
+    let mut bench = Bench::new(&mut flight, &mut link, options, live).believing(&belief);
+    if let Some(ground) = &mut ground {
+        bench = bench.watched(ground);
+    }
+    if args.stay {
+        bench = bench.staying();
+    }
+    let (mut timing, link_report) = bench.run(&stop);
     if let Some((sleep, echo)) = yardsticks.map(Yardsticks::finish) {
         (timing.reference_sleep_us, timing.reference_echo_us) = (sleep.percentiles(), echo.percentiles());
     }
@@ -144,6 +164,9 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.timing = timing;
     report.link = Some(link_report);
     report.overrides = common.set.clone();
+    report.ground = ground.as_ref().map(Ground::figures);
+    // A flight that somebody cut short is judged too, but its verdict is not the run's.
+    let others_passed = report.flights.iter().all(|f| f.expect.passed || f.outcome == Outcome::Aborted);
     // The verdict is printed whatever becomes of the disk.
     let kept = folder.write(&mut report).and_then(|()| {
         let bench = certificate::Bench { profile: profile.name, link: link.address(), step_s: flight.step_s() };
@@ -155,7 +178,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         print_text(&summary(&report))?;
     }
     kept?;
-    Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
+    Ok(ExitCode::from(if report.expect.passed && others_passed { DONE } else { UNEXPECTED }))
 }
 
 /// What the stepping thread, this one, asks of the kernel; nothing where no clock is followed.
@@ -200,14 +223,14 @@ fn check_budget(
     scenario: &Scenario,
     live: &Live,
 ) -> Result<Option<u32>, InputError> {
-    let Some(LinkSpec::Serial { baud, .. }) = &args.fc else { return Ok(None) };
+    let Some(baud) = args.fc.as_ref().and_then(baud_of) else { return Ok(None) };
     let sensors = &scenario.vehicle.sensors;
     let rates = SensorRates {
         imu_hz: args.sensor_hz.map_or(sensors.imu.rate_hz, f64::from),
         gnss_hz: sensors.gnss.rate_hz,
         altimeter_hz: sensors.altimeter.rate_hz,
     };
-    match profile.budget(&rates, *baud) {
+    match profile.budget(&rates, baud) {
         Budget::Fits { .. } => {}
         Budget::Tight { load_percent } => live.notice(format!(
             "{load_percent:.0} % of {baud} baud are taken at {:.0} Hz: expect jitter, or lower --sensor-hz",
@@ -225,7 +248,15 @@ fn check_budget(
             return Err(wrong("--fc", taken));
         }
     }
-    Ok(Some(*baud))
+    Ok(Some(baud))
+}
+
+/// Symbols a second, where a link has such a rate.
+fn baud_of(spec: &LinkSpec) -> Option<u32> {
+    match spec {
+        LinkSpec::Serial { baud, .. } => Some(*baud),
+        _ => None,
+    }
 }
 
 /// The built-in autopilot on a thread, at the other end of the bench's own link.
@@ -305,8 +336,12 @@ fn remove_ready_file(path: &Path) -> Result<()> {
 }
 
 /// Whoever waits for the file never sees half of it.
-fn write_ready_file(path: &Path, link: &Link) -> Result<()> {
-    let text = serde_json::json!({ "fc": link.address() }).to_string() + "\n";
+fn write_ready_file(path: &Path, link: &Link, ground: Option<&Ground>) -> Result<()> {
+    let mut addresses = serde_json::json!({ "fc": link.address() });
+    if let Some(ground) = ground {
+        addresses["gcs"] = ground.address().into();
+    }
+    let text = addresses.to_string() + "\n";
     let mut half = path.as_os_str().to_owned();
     half.push(".part");
     std::fs::write(&half, text)

@@ -17,6 +17,8 @@ const UPDATED_GYROSCOPE: u32 = 0x38;
 const UPDATED_MAGNETOMETER: u32 = 0x1C0;
 /// Absolute pressure, altitude and temperature; PX4 ignores the barometer unless all three are set.
 const UPDATED_BAROMETER: u32 = 0x1A00;
+/// HIL_SENSOR_UPDATED_RESET
+const RESET: u32 = 1 << 31;
 const CELSIUS_ZERO_K: f64 = 273.15;
 const TESLA_PER_GAUSS: f64 = 1e-4;
 /// Standard gravity, for accelerations in mg.
@@ -81,6 +83,20 @@ pub fn hil_sensor(measurement: &Measurement) -> Option<MavMessage> {
     }
     data.fields_updated = dialect::HilSensorUpdatedFlags::from_bits_retain(updated);
     Some(MavMessage::HIL_SENSOR(data))
+}
+
+/// HIL_SENSOR that says nothing but that the vehicle was put elsewhere: a new flight begins.
+pub fn reset_mark(time_us: u64) -> MavMessage {
+    MavMessage::HIL_SENSOR(dialect::HIL_SENSOR_DATA {
+        time_usec: time_us,
+        fields_updated: dialect::HilSensorUpdatedFlags::from_bits_retain(RESET),
+        ..Default::default()
+    })
+}
+
+/// Whether a message is such a mark.
+pub fn is_reset(message: &MavMessage) -> bool {
+    matches!(message, MavMessage::HIL_SENSOR(data) if data.fields_updated.bits() & RESET != 0)
 }
 
 /// HIL_GPS, when there is a new fix.
@@ -205,6 +221,10 @@ pub struct Gatherer {
 impl Gatherer {
     /// Takes one message; a HIL_SENSOR gives the measurement with all that came before it.
     pub fn take(&mut self, message: &MavMessage) -> Option<Measurement> {
+        if is_reset(message) {
+            *self = Self::default();
+            return None;
+        }
         match message {
             MavMessage::HIL_SENSOR(data) => return Some(self.complete(data)),
             MavMessage::HIL_GPS(data) => {
@@ -308,7 +328,7 @@ pub fn named_pressures(pressures: &Pressures) -> [(&'static str, Option<f64>); 3
 }
 
 /// rad -> 1e-7 deg
-fn deg_e7(angle_rad: f64) -> i32 {
+pub(super) fn deg_e7(angle_rad: f64) -> i32 {
     (angle_rad.to_degrees() * 1e7).round() as i32
 }
 
@@ -317,7 +337,7 @@ fn centi_u16(value: f64) -> u16 {
     ((value * 100.0).round() as u16).min(u16::MAX - 1)
 }
 
-fn centi_i16(value: f64) -> i16 {
+pub(super) fn centi_i16(value: f64) -> i16 {
     (value * 100.0).round() as i16
 }
 
