@@ -9,6 +9,7 @@ pub mod load;
 // Bytes.
 pub mod link;
 pub mod mavlink;
+pub mod port;
 mod serial;
 
 // Flight controllers and time.
@@ -16,6 +17,9 @@ pub mod pace;
 pub mod planner;
 pub mod profile;
 pub mod stream;
+
+// What is wrong.
+pub mod doctor;
 
 // The run.
 pub mod bench;

@@ -17,8 +17,8 @@ use crate::mavlink::{
 use crate::profile::{Heartbeat, Profile};
 
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
-const SYSTEM_ID: u8 = 1;
-const COMPONENT_ID: u8 = 200;
+pub(crate) const SYSTEM_ID: u8 = 1;
+pub(crate) const COMPONENT_ID: u8 = 200;
 /// Interval of the true state when it is asked for without one (us).
 const TRUTH_DEFAULT_US: u64 = 20_000;
 /// Least interval of the true state: the plant's step (us).
