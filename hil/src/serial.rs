@@ -270,10 +270,9 @@ impl LatencyTimer {
                     let said = format!("latency timer {ms} ms, now 1 ms");
                     (Some(Self { file, before: ms }), said)
                 }
-                Err(e) => (
-                    None,
-                    format!("latency timer {ms} ms stays: {e}; as root: echo 1 > {}", file.display()),
-                ),
+                Err(e) => {
+                    (None, format!("latency timer {ms} ms stays: {e}; as root: echo 1 > {}", file.display()))
+                }
             },
         }
     }

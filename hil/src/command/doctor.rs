@@ -52,7 +52,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         }))?;
     } else {
         let told: String = accounts.iter().map(paragraph).collect();
-        print_text(&format!("{heading}\n\n{told}{errors} errors, {warnings} warnings\n"))?;
+        print_text(&format!("{heading}\n\n{told}errors {errors}, warnings {warnings}\n"))?;
     }
     Ok(ExitCode::from(if errors > 0 { DEVICE_FAILED } else { DONE }))
 }
@@ -61,16 +61,17 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
 fn observe(args: &Args, common: &Common, spec: &LinkSpec) -> Result<Observation> {
     let profile = args.profile.as_deref().and_then(profile::named);
     let profile = profile.unwrap_or_else(|| profile::default_for(spec));
-    let scenario = args.scenario.as_deref().map(|file| load::scenario(file, &common.set, None)).transpose()?;
+    let scenario =
+        args.scenario.as_deref().map(|file| load::scenario(file, &common.set, None)).transpose()?;
     let vehicle = scenario.as_ref().map(|scenario| &scenario.vehicle);
-    let mut rates = vehicle.map_or(
-        SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 },
-        |vehicle| SensorRates {
-            imu_hz: vehicle.sensors.imu.rate_hz,
-            gnss_hz: vehicle.sensors.gnss.rate_hz,
-            altimeter_hz: vehicle.sensors.altimeter.rate_hz,
-        },
-    );
+    let mut rates =
+        vehicle.map_or(SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 }, |vehicle| {
+            SensorRates {
+                imu_hz: vehicle.sensors.imu.rate_hz,
+                gnss_hz: vehicle.sensors.gnss.rate_hz,
+                altimeter_hz: vehicle.sensors.altimeter.rate_hz,
+            }
+        });
     rates.imu_hz = args.sensor_hz.map_or(rates.imu_hz, f64::from);
     let mut seen = Observation {
         link: spec.clone(),

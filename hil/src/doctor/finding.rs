@@ -38,54 +38,175 @@ pub type Id = (u8, u8);
 #[allow(missing_docs)]
 pub enum Finding {
     // The link does not open.
-    NoPort { path: String, present: Vec<String> },
-    PermissionDenied { path: String, group: Option<String> },
-    PortBusy { path: String, cause: String },
-    AddressInUse { link: String },
-    CannotOpen { link: String, cause: String },
+    NoPort {
+        path: String,
+        present: Vec<String>,
+    },
+    PermissionDenied {
+        path: String,
+        group: Option<String>,
+    },
+    PortBusy {
+        path: String,
+        cause: String,
+    },
+    AddressInUse {
+        link: String,
+    },
+    CannotOpen {
+        link: String,
+        cause: String,
+    },
     // Nobody, or nothing useful, at the other end.
-    NobodyThere { link: String, listened_s: f64 },
-    NoBytes { link: String, listened_s: f64 },
-    WrongBaud { bytes: u64, baud: u32 },
-    NoMavlink { bytes: u64, text: Option<String> },
-    Mavlink1 { frames: u64, of: u64 },
+    NobodyThere {
+        link: String,
+        listened_s: f64,
+    },
+    NoBytes {
+        link: String,
+        listened_s: f64,
+    },
+    WrongBaud {
+        bytes: u64,
+        baud: u32,
+    },
+    NoMavlink {
+        bytes: u64,
+        text: Option<String>,
+    },
+    Mavlink1 {
+        frames: u64,
+        of: u64,
+    },
     // The link is bad.
-    PortShared { holders: Vec<Holder> },
-    SecondClient { names: Vec<String> },
-    LinkLost { whys: Vec<String> },
-    NotTaken { writes: u64 },
-    Damaged { counters: Counters },
-    SequenceGaps { lost: u64, frames: u64 },
-    WireOverload { baud: u32, sensor_hz: f64, out_percent: f64, back_percent: f64, fitting_hz: Option<f64>, refused: bool },
+    PortShared {
+        holders: Vec<Holder>,
+    },
+    SecondClient {
+        names: Vec<String>,
+    },
+    LinkLost {
+        whys: Vec<String>,
+    },
+    NotTaken {
+        writes: u64,
+    },
+    Damaged {
+        counters: Counters,
+    },
+    SequenceGaps {
+        lost: u64,
+        frames: u64,
+    },
+    WireOverload {
+        baud: u32,
+        sensor_hz: f64,
+        out_percent: f64,
+        back_percent: f64,
+        fitting_hz: Option<f64>,
+        refused: bool,
+    },
     // Who speaks.
-    OurSystemId { id: Id, frames: u64 },
-    TwoControllers { ids: Vec<Id> },
-    SharedSystemId { id: Id, backward: u64, frames: u64 },
-    NoFlightController { ids: Vec<Id> },
+    OurSystemId {
+        id: Id,
+        frames: u64,
+    },
+    TwoControllers {
+        ids: Vec<Id>,
+    },
+    SharedSystemId {
+        id: Id,
+        backward: u64,
+        frames: u64,
+    },
+    NoFlightController {
+        ids: Vec<Id>,
+    },
     // The flight controller.
-    NoHeartbeat { id: Id },
-    HilFlagMissing { id: Id, heartbeats: u64 },
-    ArmedAlready { id: Id },
-    NoControls { id: Id, autopilot: u8, heartbeats: u64, sensors_sent: u64, profile: &'static str },
-    DataRateTooLow { controls_hz: f64, bytes_per_s: f64 },
-    ClockJumps { jumps: u64, worst_s: f64 },
-    Heard { id: Id, hil: bool, heartbeats: u64, controls_hz: f64, sensors_sent: u64 },
+    NoHeartbeat {
+        id: Id,
+    },
+    HilFlagMissing {
+        id: Id,
+        heartbeats: u64,
+    },
+    ArmedAlready {
+        id: Id,
+    },
+    NoControls {
+        id: Id,
+        autopilot: u8,
+        heartbeats: u64,
+        sensors_sent: u64,
+        profile: &'static str,
+    },
+    DataRateTooLow {
+        controls_hz: f64,
+        bytes_per_s: f64,
+    },
+    ClockJumps {
+        jumps: u64,
+        worst_s: f64,
+    },
+    Heard {
+        id: Id,
+        hil: bool,
+        heartbeats: u64,
+        controls_hz: f64,
+        sensors_sent: u64,
+    },
     // What its channels do.
-    ChannelsUnread { channels: Vec<String> },
-    ChannelsStill { channels: Vec<String> },
-    ControlsStill { frames: u64 },
-    NotANumber { name: &'static str, index: usize },
-    OutOfRange { name: &'static str, index: usize, least: f64, greatest: f64, range: [f64; 2] },
+    ChannelsUnread {
+        channels: Vec<String>,
+    },
+    ChannelsStill {
+        channels: Vec<String>,
+    },
+    ControlsStill {
+        frames: u64,
+    },
+    NotANumber {
+        name: &'static str,
+        index: usize,
+    },
+    OutOfRange {
+        name: &'static str,
+        index: usize,
+        least: f64,
+        greatest: f64,
+        range: [f64; 2],
+    },
     // The machine.
-    Cpus { count: usize },
-    ClockSource { name: String },
-    Sleep { median_us: f64, worst_us: f64, slack_ns: Option<u64> },
-    Priority { limit: Option<u64>, root: bool },
-    MemoryLock { limit_bytes: Option<u64> },
-    Governor { name: String },
-    Ports { ports: Vec<Port> },
-    NotInGroup { group: String },
-    ModemManager { pid: u32 },
+    Cpus {
+        count: usize,
+    },
+    ClockSource {
+        name: String,
+    },
+    Sleep {
+        median_us: f64,
+        worst_us: f64,
+        slack_ns: Option<u64>,
+    },
+    Priority {
+        limit: Option<u64>,
+        root: bool,
+    },
+    MemoryLock {
+        limit_bytes: Option<u64>,
+    },
+    Governor {
+        name: String,
+    },
+    Ports {
+        ports: Vec<Port>,
+    },
+    NotInGroup {
+        group: String,
+    },
+    ModemManager {
+        pid: u32,
+    },
 }
 
 /// MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -463,9 +584,7 @@ impl Finding {
 /// The known causes of heartbeats without controls, those first that fit.
 fn no_controls_why(autopilot: u8, profile: &str) -> String {
     let causes: &[&str] = match (autopilot, profile) {
-        (ARDUPILOT, _) => &[
-            "this is an ArduPilot, which knows neither HIL_SENSOR nor HIL_ACTUATOR_CONTROLS",
-        ],
+        (ARDUPILOT, _) => &["this is an ArduPilot, which knows neither HIL_SENSOR nor HIL_ACTUATOR_CONTROLS"],
         (_, "px4-hitl") => &[
             "HITL is not enabled, or the board was not rebooted since (SYS_HITL 1)",
             "the link's rate is 5000 byte/s or less (MAV_0_RATE, default 1200), or this port is in another mode",
@@ -488,7 +607,8 @@ fn no_controls_why(autopilot: u8, profile: &str) -> String {
             "its HIL mode is off",
         ],
     };
-    let numbered: Vec<String> = causes.iter().enumerate().map(|(i, cause)| format!("{}. {cause}", i + 1)).collect();
+    let numbered: Vec<String> =
+        causes.iter().enumerate().map(|(i, cause)| format!("{}. {cause}", i + 1)).collect();
     format!("known causes: {}", numbered.join("; "))
 }
 

@@ -439,9 +439,9 @@ pub fn mapped(controls: &Controls, source: SequenceSource) -> Vec<Mapped> {
         ("vent", c.vent),
         ("hold_down_release", c.hold_down_release),
     ];
-    let steering = steering
-        .into_iter()
-        .filter_map(|(name, channel, role)| channel.map(|c| Mapped { name, index: c.index, range: c.range, role }));
+    let steering = steering.into_iter().filter_map(|(name, channel, role)| {
+        channel.map(|c| Mapped { name, index: c.index, range: c.range, role })
+    });
     let switches = switches
         .into_iter()
         .filter_map(|(name, switch)| switch.map(|s| Mapped { name, index: s.index, range: s.range, role }));
