@@ -10,6 +10,7 @@ pub mod load;
 // Bytes.
 pub mod link;
 pub mod mavlink;
+pub mod port;
 mod serial;
 pub mod disruption;
 
@@ -29,6 +30,9 @@ pub mod yardstick;
 
 // People who watch.
 pub mod ground;
+
+// What is wrong.
+pub mod doctor;
 
 // The run.
 pub mod bench;

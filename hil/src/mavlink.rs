@@ -435,6 +435,11 @@ pub(crate) fn sample_time_us(frame: &[u8]) -> Option<u64> {
 }
 
 impl Frame {
+    /// Whether it came as MAVLink 1.
+    pub fn is_version_1(&self) -> bool {
+        self.version == MavlinkVersion::V1
+    }
+
     /// As a message of the crate; `None` when it holds an enumerator that the crate does not know.
     pub fn message(&self) -> Option<MavMessage> {
         MavMessage::parse(self.version, self.message_id, &self.payload).ok()

@@ -123,12 +123,13 @@ impl Silences {
 impl Bench<'_> {
     /// Sends what waits: through a bad wire, if it is one.
     pub(super) fn flush(&mut self) {
-        let now = self.flight.time();
         if self.disruption.is_clear() {
             let sampled = self.flight.measurement().is_some();
-            self.fc.awaited = sampled.then_some(Sample { time_us: now.us(), lost: false });
+            let time_us = self.wire_time().us();
+            self.fc.awaited = sampled.then_some(Sample { time_us, lost: false });
             return self.send_straight();
         }
+        let now = self.flight.time();
         let bytes = self.streams.bytes();
         let (frames, newest) = self.disruption.carry_to_fc(bytes, now);
         let taken = self.link.send(bytes);

@@ -64,6 +64,9 @@ pub struct Args {
     /// Measure a bare sleep and a bare echo beside the run
     #[arg(long)]
     pub references: bool,
+    /// I have disconnected the igniter and the oxidiser; px4-hitl asks for it, since a real board may fire real outputs
+    #[arg(long)]
+    pub igniter_disconnected: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens
     #[arg(long, value_name = "PATH")]
     pub ready_file: Option<PathBuf>,
@@ -85,6 +88,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Err(load::unusable(&args.scenario, "sensors.enabled = false leaves nothing to send").into());
     }
     let profile = chosen_profile(args);
+    check_interlock(args, profile)?;
     let pacing = chosen_pacing(args, profile)?;
     let instruments =
         Instrumentation { imu_rate_hz: args.sensor_hz.map(f64::from), gnss_delay_s: profile.gnss_delay_s };
@@ -128,6 +132,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if let Some(ground) = &ground {
         live.notice(format!("ground station on {}", ground.address()));
     }
+    link.port_settings().into_iter().for_each(|settings| live.notice(settings.to_owned()));
 
     let options = Options {
         profile,
@@ -214,6 +219,19 @@ fn chosen_pacing(args: &Args, profile: &Profile) -> Result<Pacing, InputError> {
         return Err(wrong("--fast", "only in lockstep: add --lockstep".to_owned()));
     }
     Ok(pacing)
+}
+
+/// Nobody but the person at the bench knows what hangs on a board's outputs.
+fn check_interlock(args: &Args, profile: &Profile) -> Result<(), InputError> {
+    if args.fc.is_none() || !profile.needs_hil_flag || args.igniter_disconnected {
+        return Ok(());
+    }
+    let reason = format!(
+        "profile {} arms a real board whose outputs may be live: disconnect the igniter and the oxidiser, then \
+         say so with --igniter-disconnected",
+        profile.name
+    );
+    Err(wrong("--igniter-disconnected", reason))
 }
 
 /// Whether the profile fits the line; its baud rate, where there is one.
@@ -349,7 +367,7 @@ fn write_ready_file(path: &Path, link: &Link, ground: Option<&Ground>) -> Result
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-fn sensor_rate(text: &str) -> Result<u32, String> {
+pub(super) fn sensor_rate(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(hz) if hz > 0 && 1000 % hz == 0 => Ok(hz),
         _ => Err("allowed: the divisors of 1000".to_owned()),

@@ -8,6 +8,7 @@ use hopbench::input::{Fault, InputError};
 pub mod autopilot;
 pub mod campaign;
 pub mod check;
+pub mod doctor;
 pub mod engine;
 pub mod fly;
 pub mod hil;
