@@ -15,6 +15,7 @@ mod serial;
 pub mod pace;
 pub mod planner;
 pub mod profile;
+pub mod px4;
 pub mod stream;
 
 // The run.

@@ -11,6 +11,7 @@ pub mod check;
 pub mod engine;
 pub mod fly;
 pub mod hil;
+pub mod px4_params;
 
 /// What every command takes.
 #[derive(Clone, Debug, Default, clap::Args)]
