@@ -45,16 +45,32 @@ pub struct Lander {
     pub inertia_kg_m2: [f64; 3],
     /// Greatest gimbal angle of an axis (rad).
     pub gimbal_limit_rad: f64,
-    /// Delay of the gimbal: dead time, and the lag 2ζ/ω of its servo (s).
-    pub gimbal_delay_s: f64,
+    /// From a command to the gimbal's motion (s).
+    pub gimbal_dead_time_s: f64,
+    /// Natural frequency of its servo (rad/s).
+    pub gimbal_servo_rad_s: f64,
+    /// Damping ratio of its servo.
+    pub gimbal_servo_damping: f64,
+    /// What turns with the gimbal and reacts on the vehicle.
+    pub swinging: Swinging,
     /// Moment of a thruster pair about z (N m).
     pub roll_moment_n_m: f64,
+}
+
+/// The engine as it turns about the gimbal pivot; nothing where the vehicle file lets it not react.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Swinging {
+    /// Mass times distance below the pivot (kg m).
+    pub moment_kg_m: f64,
+    /// Inertia about a lateral axis through the pivot (kg m²).
+    pub inertia_kg_m2: f64,
 }
 
 impl Lander {
     /// A vehicle that holds so much.
     pub fn of(vehicle: &Vehicle, contents: &Contents) -> Self {
-        let mass = vehicle.mass.evaluate(contents, &ContentsRate::default()).vehicle;
+        let state = vehicle.mass.evaluate(contents, &ContentsRate::default());
+        let mass = &state.vehicle;
         let (com, inertia) = (mass.centre_of_mass_body_m(), mass.inertia_about_com_kg_m2());
         let (servo, rating) = (&vehicle.gimbal_servo, &vehicle.rating);
         Self {
@@ -67,7 +83,17 @@ impl Lander {
             offset_m: [com.x, com.y],
             inertia_kg_m2: [inertia[(0, 0)], inertia[(1, 1)], inertia[(2, 2)]],
             gimbal_limit_rad: vehicle.gimbal.limit_rad,
-            gimbal_delay_s: vehicle.gimbal.delay_s + 2.0 * servo.damping_ratio / servo.natural_frequency_rad_s,
+            gimbal_dead_time_s: vehicle.gimbal.delay_s,
+            gimbal_servo_rad_s: servo.natural_frequency_rad_s,
+            gimbal_servo_damping: servo.damping_ratio,
+            swinging: if vehicle.gimbal.engine_inertia {
+                Swinging {
+                    moment_kg_m: state.swinging.first_moment_kg_m.z,
+                    inertia_kg_m2: state.swinging.inertia_kg_m2[(0, 0)],
+                }
+            } else {
+                Swinging::default()
+            },
             roll_moment_n_m: vehicle.roll_moment_n_m(),
         }
     }

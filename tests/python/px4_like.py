@@ -186,6 +186,22 @@ class Axis:
         self.step(clamp(min(abs(braking), abs(0.8 * gap)) * (1 if gap > 0 else -1), -v_low, v_high), a_low, a_high, jerk, dt)
 
 
+class LowPass:
+    """Second-order Butterworth filter at the rate of the samples, as PX4 filters its gyroscope."""
+
+    def __init__(self, cutoff_hz, rate_hz=250.0):
+        k = math.tan(math.pi * min(cutoff_hz, 0.45 * rate_hz) / rate_hz)
+        scale = 1.0 + math.sqrt(2.0) * k + k * k
+        self.b, self.a1, self.a2 = k * k / scale, 2.0 * (k * k - 1.0) / scale, (1.0 - math.sqrt(2.0) * k + k * k) / scale
+        self.d1 = self.d2 = 0.0
+
+    def step(self, x):
+        d = x - self.a1 * self.d1 - self.a2 * self.d2
+        y = self.b * (d + 2.0 * self.d1 + self.d2)
+        self.d1, self.d2 = d, self.d1
+        return y
+
+
 class Steady:
     """True once its condition has held for a time."""
 
@@ -212,6 +228,7 @@ class Px4Like:
         self.ramp, self.airborne, self.axes = None, False, None
         self.v_int, self.rate_int, self.saturated = [0.0] * 3, [0.0] * 3, [0.0] * 3
         self.gyro, self.gyro_rate, self.last_gyro = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self.filters = [LowPass(self.p["IMU_GYRO_CUTOFF"]) for _ in range(3)]
         third = self.p["LNDMC_TRIG_TIME"] / 3.0
         self.contact, self.maybe, self.down = Steady(third), Steady(third), Steady(third)
         self.in_contact = self.maybe_landed = False
@@ -344,10 +361,9 @@ class Px4Like:
         error = product([q[0], -q[1], -q[2], -q[3]], product([t / norm for t in tip], heading))
         sign = 2.0 if error[0] >= 0 else -2.0
         out, names = [], [("ROLL", "RR"), ("PITCH", "PR"), ("YAW", "YR")]
-        share = 1.0 - math.exp(-2 * math.pi * p["IMU_GYRO_CUTOFF"] * dt)
         d_share = 1.0 - math.exp(-2 * math.pi * p["IMU_DGYRO_CUTOFF"] * dt)
         for i, (name, short) in enumerate(names):
-            self.gyro[i] += share * (self.estimate.rate[i] - self.gyro[i])
+            self.gyro[i] = self.filters[i].step(self.estimate.rate[i])
             self.gyro_rate[i] += d_share * ((self.gyro[i] - self.last_gyro[i]) / dt - self.gyro_rate[i])
             self.last_gyro[i] = self.gyro[i]
             most = math.radians(p[f"MC_{name}RATE_MAX"])

@@ -1,6 +1,6 @@
 //! `hopbench px4-params`: a PX4 airframe and its parameters from the vehicle file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
@@ -33,6 +33,12 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64> {
     Err(wrong(name, format!("{value} is out of range; allowed {least} to {most}")).into())
 }
 
+/// The folder of a vehicle that nobody named one for: letters, digits and the like of its name.
+fn folder_of(vehicle: &str) -> PathBuf {
+    let plain = |c: char| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
+    PathBuf::from(format!("px4-{}", vehicle.chars().map(plain).collect::<String>()))
+}
+
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let hop = Hop {
@@ -51,7 +57,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             document.error(vec![fault])
         }
     })?;
-    let out = common.out.clone().unwrap_or_else(|| Path::new(".").join(format!("px4-{}", vehicle.name)));
+    let out = common.out.clone().unwrap_or_else(|| folder_of(&vehicle.name));
     let folder = RunFolder::create(&out)?;
     let files = files::files(&airframe);
     for file in &files {

@@ -96,6 +96,8 @@ const LAND_FROM_M: f64 = 2.0;
 pub const JERK_M_S3: f64 = 1.5;
 /// Ramp of the throttle from 0 to hover (s), as flown.
 pub const TAKEOFF_RAMP_S: f64 = 1.0;
+/// Speed upward near the ground, as flown (m/s).
+pub const TAKEOFF_SPEED_M_S: f64 = 1.0;
 /// From the end of the ramp to lift-off, as flown (s).
 const LIFT_OFF_S: f64 = 0.3;
 /// From contact to "Landing detected", as flown (s), charged at full weight though the throttle decays.
@@ -152,21 +154,33 @@ fn durations(hop: &Hop, pace: &Pace, tuning: &Tuning, ignition_s: f64) -> [(&'st
     let moved = |distance_m: f64, speed_m_s: f64, acceleration_m_s2: f64| {
         distance_m / speed_m_s + speed_m_s / acceleration_m_s2 + acceleration_m_s2 / JERK_M_S3
     };
+    // PX4 climbs at its take-off speed up to `land_from_m` and gets faster from there to `slow_from_m`.
+    let slow_climb_m = hop.height_m.min(pace.land_from_m);
+    let quickening_m = (hop.height_m.min(pace.slow_from_m) - slow_climb_m).max(0.0);
+    let quickening_s = quickening_m * logarithmic_mean(1.0 / TAKEOFF_SPEED_M_S, 1.0 / pace.climb_m_s);
+    let climb_s = slow_climb_m / TAKEOFF_SPEED_M_S
+        + quickening_s
+        + moved((hop.height_m - pace.slow_from_m).max(0.0), pace.climb_m_s, up);
     let fast_m = (hop.height_m - pace.slow_from_m).max(0.0);
     let slowing_from = hop.height_m.min(pace.slow_from_m);
     let slowing_m = (slowing_from - pace.land_from_m).max(0.0);
-    // Speed falls linearly with height: the time is a logarithm.
-    let ratio = pace.sink_m_s / pace.land_m_s;
-    let slowing_s = slowing_m / (pace.sink_m_s - pace.land_m_s) * libm::log(ratio);
+    let slowing_s = slowing_m * logarithmic_mean(1.0 / pace.sink_m_s, 1.0 / pace.land_m_s);
     [
         // The lit engine burns at its least thrust from 2 % of throttle on.
         ("ignition and ramp", TAKEOFF_RAMP_S + LIFT_OFF_S + ignition_s),
-        ("climb", moved(hop.height_m, pace.climb_m_s, up)),
+        ("climb", climb_s),
         ("hover", hop.hold_s),
         ("descent", moved(fast_m, pace.sink_m_s, down)),
         ("landing", slowing_s + hop.height_m.min(pace.land_from_m) / pace.land_m_s),
         ("touchdown", TOUCHDOWN_S),
     ]
+}
+
+/// Mean of the time a metre takes where the speed changes linearly with height, from one to the other (s/m):
+/// ∫dh/v over a height h with speeds u and v is h ln(v/u)/(v - u).
+fn logarithmic_mean(a_s_m: f64, b_s_m: f64) -> f64 {
+    let (u, v) = (1.0 / a_s_m, 1.0 / b_s_m);
+    if (u - v).abs() < 1e-9 { a_s_m } else { libm::log(v / u) / (v - u) }
 }
 
 fn at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {

@@ -5,7 +5,7 @@ use hopbench::vehicle::Vehicle;
 use serde::Serialize;
 
 use super::allocation::Outputs;
-use super::budget::{Budget, JERK_M_S3, TAKEOFF_RAMP_S};
+use super::budget::{Budget, JERK_M_S3, TAKEOFF_RAMP_S, TAKEOFF_SPEED_M_S};
 use super::tuning::Tuning;
 use super::{Lander, Target};
 use crate::profile::{PX4_HITL, PX4_SITL};
@@ -71,6 +71,7 @@ pub fn list(facts: &Facts<'_>) -> Vec<Parameter> {
     allocation(facts, &mut list);
     outputs(facts, &mut list);
     attitude(facts, &mut list);
+    gyro_filter(facts.tuning, &mut list);
     thrust_and_velocity(facts, &mut list);
     pace(facts, &mut list);
     estimator(facts, &mut list);
@@ -170,13 +171,30 @@ fn attitude(facts: &Facts<'_>, list: &mut List) {
         };
         list.real(format!("MC_{long}RATE_P"), gains.p, from);
         list.real(format!("MC_{long}RATE_I"), gains.i, "share of P that flew");
-        list.real(format!("MC_{long}RATE_D"), gains.d, "share of P that flew");
+        let why = if gains.d > 0.0 || axis == 2 {
+            "share of P that flew"
+        } else {
+            "none: with it the swinging engine makes the loop oscillate"
+        };
+        list.real(format!("MC_{long}RATE_D"), gains.d, why);
         list.real(format!("MC_{long}RATE_K"), 1.0, "the gains stand as they are");
         list.real(format!("MC_{long}RATE_FF"), 0.0, "none");
         list.real(format!("MC_{short}_INT_LIM"), gains.integral_limit, "0.15, and the trim of a centre of mass beside the axis");
         list.real(format!("MC_{long}_P"), tuning.attitude_p_1_s[axis], "2.4 about x and y under a rate loop of 7 rad/s, 1 about z");
         list.real(format!("MC_{long}RATE_MAX"), tuning.rate_max_deg_s[axis], "deg/s; what a full command brakes within the attitude loop");
     }
+}
+
+/// Where the gyro filter's cutoff comes from.
+fn gyro_filter(tuning: &Tuning, list: &mut List) {
+    let why = match tuning.swing_zero_rad_s {
+        None => "Hz; PX4's own".to_owned(),
+        Some(zero) => format!(
+            "Hz; from {zero:.1} rad/s on the swinging engine works backward: gain margin {:.1} with this filter",
+            tuning.gain_margin
+        ),
+    };
+    list.real("IMU_GYRO_CUTOFF", tuning.gyro_cutoff_hz, why);
 }
 
 fn thrust_and_velocity(facts: &Facts<'_>, list: &mut List) {
@@ -220,7 +238,7 @@ fn pace(facts: &Facts<'_>, list: &mut List) {
     list.real("MPC_LAND_ALT1", pace.slow_from_m, "m; PX4's 10 would slow the whole descent");
     list.real("MPC_LAND_ALT2", pace.land_from_m, "m; PX4's 5 would cost some 5 s of burn more");
     list.real("MPC_TKO_RAMP_T", TAKEOFF_RAMP_S, "s; PX4's 3 would burn 2 s more on the pad");
-    list.real("MPC_TKO_SPEED", 1.0, "m/s; as flown");
+    list.real("MPC_TKO_SPEED", TAKEOFF_SPEED_M_S, "m/s; as flown");
     list.real("COM_SPOOLUP_TIME", 1.0, "s at throttle 0 after arming: the isolation valve opens");
     list.real("MIS_TAKEOFF_ALT", facts.budget.height_m, "m; the hop");
     list.real("MPC_XY_VEL_MAX", 3.0, "m/s; as flown");
@@ -264,7 +282,7 @@ fn failsafes(list: &mut List) {
     list.integer("NAV_DLL_ACT", 0, "and go on: a hop is shorter than a return");
     list.integer("NAV_RCL_ACT", 2, "without radio control land, outside the modes of COM_RCL_EXCEPT");
     list.integer("COM_RCL_EXCEPT", 7, "mission, hold and offboard need no radio control");
-    list.real("COM_FAIL_ACT_T", 1.0, "s of hover before a failsafe acts; PX4's 5 burn 2 kg");
+    list.real("COM_FAIL_ACT_T", 1.0, "s of hover before a failsafe acts: PX4's 5 are propellant");
     list.integer("COM_LOW_BAT_ACT", 0, "warn: PX4 makes the battery up");
 }
 
