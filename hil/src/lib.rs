@@ -25,6 +25,7 @@ pub mod realtime;
 
 pub mod planner;
 pub mod profile;
+pub mod px4;
 pub mod stream;
 pub mod yardstick;
 

@@ -24,6 +24,7 @@ enum Command {
     Engine(command::engine::Args),
     Check(command::check::Args),
     Doctor(command::doctor::Args),
+    Px4Params(command::px4_params::Args),
 }
 
 const TO_TRY: &str = "Three commands to try:
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
         Some(Command::Engine(args)) => command::engine::run(args, common),
         Some(Command::Check(args)) => command::check::run(args, common),
         Some(Command::Doctor(args)) => command::doctor::run(args, common),
+        Some(Command::Px4Params(args)) => command::px4_params::run(args, common),
     };
     result.unwrap_or_else(|error| {
         eprintln!("{error:#}");

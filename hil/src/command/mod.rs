@@ -12,6 +12,7 @@ pub mod doctor;
 pub mod engine;
 pub mod fly;
 pub mod hil;
+pub mod px4_params;
 
 /// What every command takes.
 #[derive(Clone, Debug, Default, clap::Args)]
