@@ -139,9 +139,9 @@ class StrictPx4:
         self.profile, self.lockstep, self.realtime = profile, lockstep, realtime
         self.violations, self.kinds, self.samples = [], Counter(), 0
         self.armed = False
-        self.first_us = self.last_us = self.first_answer_s = self.first_arrival_s = None
+        self.first_us = self.last_us = self.first_answer_s = None
         self.greatest_interval_s = 0.0
-        self._arrival_s = self._outstanding = self._sender = self._sequence = self._earliest_s = None
+        self._read_s = self._outstanding = self._sender = self._sequence = self._earliest_s = None
         self._outstanding_counts = False
         self._last_frame, self._heartbeat_s, self._rest = {}, None, Rest()
         self._equal = {group: Equal() for group in (ACCEL, GYRO, MAG, BARO)}
@@ -173,8 +173,11 @@ class StrictPx4:
 
     # ------------------------------------------------------------------------------------------ what comes in
 
-    def take(self, message, arrival_s):
-        """One message as pymavlink gives it, with its arrival on any steady clock (s)."""
+    def take(self, message, arrival_s, read_s=None):
+        """One message as pymavlink gives it, and when it came on any steady clock (s): at `arrival_s`, or between that and `read_s`.
+
+        A peer that was kept from the processor knows only the two bounds; late is what was late by both.
+        """
         kind = message.get_type()
         self.kinds[kind] += 1
         if kind == "BAD_DATA":
@@ -186,7 +189,7 @@ class StrictPx4:
         if kind not in allowed:
             self._broken("stranger", kind)
         elif kind == "HIL_SENSOR":
-            self._sensor(message, arrival_s)
+            self._sensor(message, arrival_s, arrival_s if read_s is None else read_s)
         elif kind == "HIL_GPS":
             self._gps(message)
         elif kind == "DISTANCE_SENSOR":
@@ -229,10 +232,10 @@ class StrictPx4:
         self._sequence = sequence
         return True
 
-    def _sensor(self, m, arrival_s):
+    def _sensor(self, m, arrival_s, read_s):
         if m.fields_updated == RESET_MARK:
             return  # a reset mark: no sensor in it
-        if not self._clock(m, arrival_s):
+        if not self._clock(m, arrival_s, read_s):
             return
         self.samples += 1
         if m.id != 0:
@@ -256,7 +259,7 @@ class StrictPx4:
             self._broken("heartbeat", self._now_s() - (self._heartbeat_s or 0.0))
             self._heartbeat_s = self._now_s()  # named once for each silence
 
-    def _clock(self, m, arrival_s):
+    def _clock(self, m, arrival_s, read_s):
         """The rules of time; False for a sample whose values no longer count."""
         now_us = m.time_usec
         if self.lockstep and self._outstanding_counts and self._outstanding is not None:
@@ -272,21 +275,21 @@ class StrictPx4:
                 return False
             if step_us >= GAP_US:
                 self._broken("gap", step_us)
-            interval_s = arrival_s - self._arrival_s
+            interval_s = arrival_s - self._read_s
             self.greatest_interval_s = max(self.greatest_interval_s, interval_s)
             if interval_s > LATE_S[self.profile]:
                 self._broken("late", interval_s)
         else:
-            self.first_us, self.first_arrival_s = now_us, arrival_s
+            self.first_us = now_us
         if self.realtime and self.profile == "px4-hitl":
             # The sample that came soonest after its time says where the grid lies on the peer's clock; a new grid after a gap.
-            offset_s = arrival_s - now_us * 1e-6
-            late = self._arrival_s is not None and arrival_s - self._arrival_s > LATE_S[self.profile]
-            self._earliest_s = offset_s if late or self._earliest_s is None else min(self._earliest_s, offset_s)
+            late = self._read_s is not None and arrival_s - self._read_s > LATE_S[self.profile]
+            offset_s, latest_s = arrival_s - now_us * 1e-6, read_s - now_us * 1e-6
+            self._earliest_s = latest_s if late or self._earliest_s is None else min(self._earliest_s, latest_s)
             if offset_s - self._earliest_s > OLD_S:
                 self._broken("old", offset_s - self._earliest_s)
-                self._earliest_s = offset_s
-        self.last_us, self._arrival_s = now_us, arrival_s
+                self._earliest_s = latest_s
+        self.last_us, self._read_s = now_us, read_s
         return True
 
     def _inertial(self, m, has):

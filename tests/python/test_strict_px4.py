@@ -6,10 +6,10 @@ the bench, so that touchdown, descent and climb are judged too and the controlle
 
 import math
 import random
+import select
 import socket
 import struct
 import subprocess
-import threading
 import time
 from contextlib import contextmanager
 from functools import lru_cache
@@ -361,18 +361,36 @@ def strict_bench(scenario, fc, profile, **options):
     """A bench, and the strict peer that belongs to it."""
     lockstep = options.get("lockstep", False)
     extra = interlock() if profile == "px4-hitl" else []
-    with Bench(scenario, fc=fc, profile=profile, extra=extra, **options) as bench:
+    if lockstep:  # PX4's own poll timeout; a busy machine is no stall
+        extra += ["--lockstep-timeout-ms", "1000"]
+    with Bench(scenario, fc=fc, profile=profile, extra=extra, sets={"fc_timeout_ms": 5000} if lockstep else {}, **options) as bench:
         yield bench, StrictPx4(profile, lockstep=lockstep, realtime=not lockstep)
 
 
+def arrivals(bench, timeout_s=10.0):
+    """All messages, each with the last look that found nothing and the time it was read: it came in between."""
+    looked_s = time.monotonic()
+    while True:
+        message = bench._poll()
+        if message is not None:
+            yield message, looked_s, time.monotonic()
+            continue
+        if time.monotonic() - looked_s > 0.01 and bench.process.poll() is not None:
+            return
+        looked_s = time.monotonic()
+        if not select.select([bench.connection.fd], [], [], timeout_s if bench.process.poll() is None else 0.0)[0]:
+            assert bench.process.poll() is not None, f"silent for {timeout_s} s\n{bench.stderr()[-2000:]}"
+
+
 def fly(bench, strict, controller):
-    """Relays between bench and controller until the run ends; the Result. First answers are asked for within 2 s (contract)."""
+    """Relays between bench and controller until the run ends; the Result."""
     started_s = time.monotonic()
-    for message in bench.messages(timeout_s=10.0):
-        strict.take(message, time.monotonic())
+    for message, earliest_s, read_s in arrivals(bench):
+        strict.take(message, earliest_s, read_s)
         controller.tell(bytes(message.get_msgbuf()))
         if message.get_type() == "HIL_SENSOR":
-            replies = controller.replies(message.time_usec, 0.5)
+            # Nobody waits in real time: what is not there yet goes with the next sample.
+            replies = controller.replies(message.time_usec, 5.0 if strict.lockstep else 0.002)
         elif message.get_type() == "HEARTBEAT" and not strict.samples:  # the bench waits for the controller's own
             replies = controller.replies(None, 0.2)
         else:
@@ -392,26 +410,6 @@ def flight(scenario, fc, profile, seed=None, **options):
             return fly(bench, strict, controller), strict
         finally:
             controller.close()
-
-
-class Canary:
-    """A thread that sleeps 5 ms again and again: its longest sleep says how long this machine gave nobody the processor."""
-
-    def __enter__(self):
-        self.longest_s, self._stop = 0.0, threading.Event()
-        self._thread = threading.Thread(target=self._sleep, daemon=True)
-        self._thread.start()
-        return self
-
-    def _sleep(self):
-        while not self._stop.is_set():
-            before_s = time.monotonic()
-            time.sleep(0.005)
-            self.longest_s = max(self.longest_s, time.monotonic() - before_s)
-
-    def __exit__(self, *_):
-        self._stop.set()
-        self._thread.join()
 
 
 LOCKSTEP_FAST = {"lockstep": True, "fast": True}
@@ -435,13 +433,14 @@ def test_a_flight_in_lockstep_breaks_no_rule(fc, profile):
 
 @pytest.mark.parametrize("fc", ["serial", pytest.param("udp", marks=pytest.mark.long)])
 def test_a_flight_in_real_time_breaks_no_rule_of_a_board(fc):
-    with Canary() as canary:
-        result, strict = flight("hover_5m", fc, "px4-hitl", lockstep=False)
-    # On a machine that stood still a sample may come late, where the bench or this process was kept from the processor.
-    late = [violation for violation in strict.violations if violation.rule in ("late", "old")]
-    stood_s = max(canary.longest_s, result.json["timing"]["lateness_us"]["max"] * 1e-6)
-    assert not late or stood_s > 0.1, strict.report()
-    assert len(late) == len(strict.violations), strict.report()
+    result, strict = flight("hover_5m", fc, "px4-hitl", lockstep=False)
+    broken = {violation.rule for violation in strict.violations}
+    # A machine too busy for real time may break these, and then the bench must have said so itself.
+    if result.json["timing"]["lateness_us"]["max"] > 0.1e6:
+        broken -= {"late", "old"}
+    if result.json["link"]["dropped"] > 0:
+        broken -= {"sequence", "gap"}
+    assert not broken, strict.report()
     assert strict.first_answer_s <= 2.0
     assert result.json["outcome"] == "landed", result.stdout + result.stderr
     assert strict.kinds["HEARTBEAT"] >= 20 and "HIL_STATE_QUATERNION" not in strict.kinds
