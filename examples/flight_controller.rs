@@ -96,11 +96,7 @@ impl Computer {
             same => same,
         };
         if next != self.phase {
-            eprintln!(
-                "{:7.3} s {next:?}, {height_m:.2} m, tank {:.1} bar",
-                m.time_usec as f32 * 1e-6,
-                self.tank_bar
-            );
+            eprintln!("{:7.3} s {next:?}, {height_m:.2} m", m.time_usec as f32 * 1e-6);
             (self.phase, self.since_s) = (next, 0.0);
         }
         match self.phase {
@@ -159,18 +155,15 @@ fn main() -> std::io::Result<()> {
         header.sequence = header.sequence.wrapping_add(1);
         socket.send(&frame).or(Ok(0)).map(drop) // a bench that is not there yet refuses: speak again
     };
+    let flags = MavModeFlag::MAV_MODE_FLAG_HIL_ENABLED | MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+    let mode = |armed| if armed { flags | MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { flags };
     let (mut heard, mut beat, mut armed) = (Instant::now(), None::<Instant>, false);
     // The bench answers whoever writes; it ends the run, and so does three seconds of silence.
     while computer.last_us == 0 && heard.elapsed().as_secs() < 60 || heard.elapsed().as_secs() < 3 {
-        let mode = MavModeFlag::MAV_MODE_FLAG_HIL_ENABLED | MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
-        let mode = if armed { mode | MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { mode };
         let interval = Duration::from_millis(if computer.last_us == 0 { 100 } else { 1000 });
         if beat.is_none_or(|beat| beat.elapsed() > interval) {
-            send(MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-                base_mode: mode,
-                mavlink_version: 3,
-                ..Default::default()
-            }))?;
+            let alive = HEARTBEAT_DATA { base_mode: mode(armed), mavlink_version: 3, ..Default::default() };
+            send(MavMessage::HEARTBEAT(alive))?;
             beat = Some(Instant::now());
         }
         let mut datagram = [0; 2048];
@@ -187,23 +180,14 @@ fn main() -> std::io::Result<()> {
                     Ok("chamb_bar") => computer.chamber_bar = m.value,
                     _ => {}
                 },
-                MavMessage::HIL_GPS(m) if computer.last_us == 0 => {
-                    eprintln!("at {} {} e-7 deg", m.lat, m.lon)
-                }
+                MavMessage::HIL_GPS(m) if computer.last_us == 0 => eprintln!("at {}, {}", m.lat, m.lon),
                 MavMessage::HIL_SENSOR(m) => {
                     heard = Instant::now();
-                    let (now_armed, outputs) = computer.step(&m);
-                    armed = now_armed;
-                    let mut controls = [0.0; 16];
-                    controls[..4].copy_from_slice(&outputs);
-                    let mode = mode
-                        | if armed { MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { MavModeFlag::empty() };
-                    let answer = HIL_ACTUATOR_CONTROLS_DATA {
-                        time_usec: m.time_usec,
-                        controls,
-                        mode,
-                        ..Default::default()
-                    };
+                    let outputs;
+                    (armed, outputs) = computer.step(&m);
+                    let (time_usec, mode) = (m.time_usec, mode(armed));
+                    let mut answer = HIL_ACTUATOR_CONTROLS_DATA { time_usec, mode, ..Default::default() };
+                    answer.controls[..4].copy_from_slice(&outputs);
                     send(MavMessage::HIL_ACTUATOR_CONTROLS(answer))?;
                 }
                 _ => {}
