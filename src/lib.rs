@@ -11,7 +11,7 @@
 //! |---|---|
 //! | vocabulary | [`frame`] axes and signs, [`input`] files and their faults, [`integrator`], [`interpolate`], [`noise`] named streams, [`time`] integer microseconds, [`signal`] what crosses to a flight computer, [`controls`] its sixteen channels |
 //! | the world | [`environment`] air, wind, ground, field, place; [`fluid`] nitrous oxide and nitrogen |
-//! | subsystems | [`actuator`] servos and delays, [`disturbance`] what is off and when, [`dynamics`] mass, slosh, motion, drag, legs, [`propulsion`] from the valve to the nozzle, [`sensor`]; they take plain values and do not import each other |
+//! | subsystems | [`actuator`] servos and delays, [`disturbance`] what is off and when, [`dynamics`] mass, slosh, motion, drag, legs, [`fault`] what breaks and when, [`propulsion`] from the valve to the nozzle, [`sensor`]; they take plain values and do not import each other |
 //! | the autopilot | [`autopilot`]: navigation, optimal guidance ([`autopilot::lcvx`]), predictive control ([`autopilot::mpc`], [`autopilot::tracking`]) above cascaded loops; sees a [`signal::Measurement`], emits a [`signal::ActuatorCommand`], knows neither vehicle nor plant |
 //! | the vehicle | [`vehicle`] every parameter, checked and turned into body axes; [`scenario`] a flight as data; [`plant`] the block diagram |
 //! | flights | [`simulation`] plant, sensors and autopilot on one clock, with a referee and a report |
@@ -102,6 +102,7 @@ pub mod fluid;
 pub mod actuator;
 pub mod disturbance;
 pub mod dynamics;
+pub mod fault;
 pub mod propulsion;
 pub mod sensor;
 

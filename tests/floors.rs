@@ -8,10 +8,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Subsystems take plain values; the plant alone wires them.
-const SUBSYSTEMS: [&str; 5] = ["actuator", "disturbance", "dynamics", "propulsion", "sensor"];
+const SUBSYSTEMS: [&str; 6] = ["actuator", "disturbance", "dynamics", "fault", "propulsion", "sensor"];
 /// What a flight computer could not see.
-const HIDDEN_FROM_AUTOPILOT: [&str; 8] =
-    ["actuator", "disturbance", "dynamics", "plant", "propulsion", "scenario", "sensor", "vehicle"];
+const HIDDEN_FROM_AUTOPILOT: [&str; 9] =
+    ["actuator", "disturbance", "dynamics", "fault", "plant", "propulsion", "scenario", "sensor", "vehicle"];
 
 fn source() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")

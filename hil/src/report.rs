@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use hopbench::simulation::Report;
+use hopbench::simulation::{Report, Source};
 
 /// Folder of a run. It is made before the run, so that a full or forbidden disk is said before the flight.
 pub struct RunFolder(PathBuf);
@@ -91,6 +91,24 @@ pub fn summary(report: &Report) -> String {
                 "               control error: height {altitude:.3} m RMS, sideways {lateral:.3} m RMS"
             ));
         }
+    }
+    for h in &report.handovers {
+        line(format!(
+            "hand-over      to {}, {:.0} ms after the last good controls ({:.0} ms by the clock); first command {:+.0} N, {:.2} deg of gimbal",
+            h.to.map_or("nobody", |to| match to {
+                Source::Fc => "the FC",
+                Source::Autopilot => "the autopilot",
+                Source::Commands => "the schedule",
+            }),
+            h.silence_ms,
+            h.silence_wall_ms,
+            h.thrust_step_n,
+            h.gimbal_step_deg
+        ));
+        line(format!(
+            "               tilt {:.2} deg before, {:.2} after; rate {:.2} and {:.2} deg/s; velocity changed by {:.2} m/s in 2 s",
+            h.before.tilt_deg, h.after.tilt_deg, h.before.rate_deg_s, h.after.rate_deg_s, h.speed_change_m_s
+        ));
     }
     if let Some(ladders) = &report.autopilot {
         let counts = |rungs: &std::collections::BTreeMap<String, u64>| {

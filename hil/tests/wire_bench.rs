@@ -1,138 +1,16 @@
 //! The rules of a run, shown by scripted flight controllers at the other end of a link in memory.
 
-use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+mod peer;
+
 use std::time::{Duration, Instant};
 
-use hopbench::scenario::{Outcome, Scenario};
-use hopbench::simulation::{Flight, Instrumentation, Report, Source};
-use hopbench_hil::bench::{Bench, Options};
-use hopbench_hil::command::autopilot::pilot;
-use hopbench_hil::link::Link;
-use hopbench_hil::live::Live;
-use hopbench_hil::load;
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls, heartbeat};
-use hopbench_hil::profile::{GENERIC, PX4_HITL, PX4_SITL, Pacing, Profile};
+use hopbench::scenario::Outcome;
+use hopbench::simulation::Source;
+use hopbench_hil::bench::Options;
+use hopbench_hil::mavlink::{Encoder, MavMessage, heartbeat};
+use hopbench_hil::profile::{GENERIC, PX4_HITL, PX4_SITL, Pacing};
 
-fn scenario(overrides: &[&str]) -> Scenario {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/hover_5m.toml");
-    let overrides: Vec<String> = overrides.iter().map(|&o| o.to_owned()).collect();
-    load::scenario(&path, &overrides, None).unwrap()
-}
-
-fn lockstep(profile: &'static Profile) -> Options {
-    Options {
-        profile,
-        pacing: Pacing::Lockstep,
-        fast: true,
-        lockstep_timeout: Duration::from_millis(50),
-        source: Source::Fc,
-        baud: None,
-    }
-}
-
-/// Runs a bench while `fc` plays the other end; when `fc` returns, the run is stopped unless it asks to be
-/// left to its own end.
-fn run(scenario: &Scenario, options: Options, fc: impl FnOnce(&mut Fc) -> Then) -> Report {
-    let (mut near, far) = Link::pair().unwrap();
-    let stop = AtomicBool::new(false);
-    let instruments = Instrumentation { imu_rate_hz: None, gnss_delay_s: options.profile.gnss_delay_s };
-    let mut flight = Flight::with(scenario, 1, &instruments).unwrap();
-    std::thread::scope(|threads| {
-        let bench = threads.spawn(|| {
-            let (timing, link) = Bench::new(&mut flight, &mut near, options, Live::silent()).run(&stop);
-            let mut report = flight.report(true);
-            (report.timing, report.link) = (timing, Some(link));
-            report
-        });
-        let mut other_end =
-            Fc { link: far, decoder: Decoder::default(), encoder: Encoder::new(1, 1), received: Vec::new() };
-        // A failed assertion in `fc` must end the run too, or the scope would wait for ever.
-        let then = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| fc(&mut other_end)));
-        if !matches!(then, Ok(Then::RunOn)) {
-            stop.store(true, Ordering::Relaxed);
-        }
-        let report = bench.join().unwrap();
-        if let Err(failure) = then {
-            std::panic::resume_unwind(failure);
-        }
-        report
-    })
-}
-
-/// What happens to a run when its controller has nothing more to say.
-enum Then {
-    Stop,
-    RunOn,
-}
-
-/// A scripted flight controller.
-struct Fc {
-    link: Link,
-    decoder: Decoder,
-    encoder: Encoder,
-    received: Vec<u8>,
-}
-
-impl Fc {
-    /// The next message, `None` when none comes within `patience`.
-    fn next_within(&mut self, patience: Duration) -> Option<MavMessage> {
-        let deadline = Instant::now() + patience;
-        loop {
-            while let Some(frame) = self.decoder.next_frame() {
-                if let Some(message) = frame.message() {
-                    return Some(message);
-                }
-            }
-            if Instant::now() >= deadline {
-                return None;
-            }
-            self.link.wait(deadline);
-            self.received.clear();
-            self.link.receive(&mut self.received);
-            self.decoder.push(&self.received);
-        }
-    }
-
-    /// Time of the next HIL_SENSOR (us).
-    fn sensor_within(&mut self, patience: Duration) -> Option<u64> {
-        let deadline = Instant::now() + patience;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if let MavMessage::HIL_SENSOR(data) = self.next_within(left)? {
-                return Some(data.time_usec);
-            }
-        }
-    }
-
-    fn sensor(&mut self) -> u64 {
-        self.sensor_within(Duration::from_secs(5)).expect("the bench goes on")
-    }
-
-    fn send(&mut self, message: &MavMessage) {
-        let mut bytes = Vec::new();
-        self.encoder.encode(message, &mut bytes);
-        self.link.send(&bytes);
-    }
-
-    fn controls(&mut self, time_us: u64, armed: bool, first: [f64; 4]) {
-        let mut controls = [0.0; 16];
-        controls[..4].copy_from_slice(&first);
-        let mode = if armed { 129 } else { 1 };
-        self.send(&actuator_controls(&ControlsFrame { time_us, flags: 1, controls, mode }));
-    }
-
-    /// Answers disarmed until the sample of `time_us`, that one included.
-    fn idle_until(&mut self, time_us: u64) {
-        loop {
-            let now_us = self.sensor();
-            self.controls(now_us, false, [0.0; 4]);
-            if now_us >= time_us {
-                return;
-            }
-        }
-    }
-}
+use peer::{Then, flown, lockstep, run, scenario};
 
 #[test]
 fn each_sample_waits_for_the_answer_to_the_one_before() {
@@ -245,31 +123,9 @@ fn a_board_without_the_hil_flag_gets_heartbeats_alone() {
     });
 }
 
-/// Lets the built-in autopilot fly through the link until `silent_above_m`, then hang up.
-fn flown(overrides: &[&str], options: Options, silent_after: Option<&'static str>) -> Report {
-    let scenario = scenario(overrides);
-    let throttle = options.profile.throttle;
-    run(&scenario, options, |fc| {
-        let mut pilot = pilot(&scenario, &Instrumentation::default(), throttle).unwrap();
-        let silent = AtomicBool::new(false);
-        pilot.serve(
-            &mut fc.link,
-            || silent.load(Ordering::Relaxed),
-            |belief| {
-                if Some(belief.phase) == silent_after {
-                    silent.store(true, Ordering::Relaxed);
-                }
-            },
-        );
-        // Holds the link open: silence, not a hang-up.
-        while fc.sensor_within(Duration::from_millis(500)).is_some() {}
-        Then::RunOn
-    })
-}
-
 #[test]
 fn the_built_in_autopilot_hops_over_the_wire() {
-    let report = flown(&[], lockstep(&GENERIC), None);
+    let report = flown(&[], lockstep(&GENERIC), |_| false);
     assert_eq!(report.outcome, Outcome::Landed, "{:#?}", report.events);
     assert_eq!(report.link.unwrap().stalls, 0);
     assert_eq!(report.flown_by.len(), 1);
@@ -277,7 +133,7 @@ fn the_built_in_autopilot_hops_over_the_wire() {
 
 #[test]
 fn a_controller_that_falls_silent_in_flight_is_replaced_and_the_verdict_says_so() {
-    let report = flown(&[], lockstep(&GENERIC), Some("hover"));
+    let report = flown(&[], lockstep(&GENERIC), |belief| belief.phase == "hover");
     let named = |name: &str| report.events.iter().find(|e| e.name == name);
     assert!(named("fc_lost").is_some() && named("handover").is_some(), "{:#?}", report.events);
     assert_eq!(report.outcome, Outcome::Landed);
@@ -288,7 +144,7 @@ fn a_controller_that_falls_silent_in_flight_is_replaced_and_the_verdict_says_so(
 
 #[test]
 fn a_loss_may_be_an_engine_cut() {
-    let report = flown(&["on_fc_loss=\"cut\""], lockstep(&GENERIC), Some("hover"));
+    let report = flown(&["on_fc_loss=\"cut\""], lockstep(&GENERIC), |belief| belief.phase == "hover");
     assert!(report.events.iter().any(|e| e.name == "fc_lost"));
     assert!(!report.events.iter().any(|e| e.name == "handover"));
     assert_ne!(report.outcome, Outcome::Landed);

@@ -33,6 +33,7 @@ use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
+use crate::fault::PlantEffect;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
@@ -63,6 +64,7 @@ pub struct Plant {
     state: State,
     held: Held,
     disturbances: Disturbances,
+    faults: PlantEffect,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
@@ -378,6 +380,11 @@ impl Plant {
     /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
         self.held.ignition.map(|ignition| self.time.since(ignition).s())
+    }
+
+    /// What is broken from the next step on.
+    pub fn set_faults(&mut self, effect: &PlantEffect) {
+        self.faults = *effect;
     }
 
     /// Run time.

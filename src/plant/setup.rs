@@ -10,6 +10,7 @@ use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
 use crate::environment::Environment;
+use crate::fault::PlantEffect;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
@@ -166,6 +167,7 @@ impl Plant {
                 singular: false,
                 disturbed: Effect::default(),
             },
+            faults: PlantEffect::default(),
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),

@@ -16,6 +16,7 @@ use crate::disturbance::{self, Disturbance};
 use crate::dynamics::slosh::SloshModel;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
+use crate::fault;
 use crate::input::{Document, Fault, InputError, Invalid};
 use crate::signal::ActuatorCommand;
 use crate::vehicle::Vehicle;
@@ -67,6 +68,9 @@ pub struct ScenarioFile {
     /// What no model of the vehicle accounts for.
     #[serde(default)]
     pub disturbance: Vec<Disturbance>,
+    /// What breaks, how and when.
+    #[serde(default)]
+    pub fault: Vec<fault::Fault>,
     /// State at step 0.
     #[serde(default)]
     pub initial: Initial,
@@ -488,6 +492,9 @@ impl ScenarioFile {
         if let Err(fault) = disturbance::validate(&file.disturbance) {
             faults.push(fault.within("disturbance"));
         }
+        if let Err(wrong) = fault::validate(&file.fault) {
+            faults.push(wrong.within("fault"));
+        }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
     }
 }
@@ -550,6 +557,7 @@ impl Scenario {
             site: None,
             wind: WindParameters::default(),
             disturbance: Vec::new(),
+            fault: Vec::new(),
             initial,
             sequence: Sequence::default(),
             actuators: Actuators::default(),

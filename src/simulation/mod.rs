@@ -16,6 +16,7 @@ pub use report::{Event, FlownBy, Ladders, Report, Source};
 
 use crate::autopilot::abort::{Abort, AbortKind};
 use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
+use crate::fault::{self, Acting, Component, Fault, Faults, Mode, WireEffect};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::plant::{Plant, Snapshot};
@@ -24,7 +25,7 @@ use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
 
-use report::{MassBalance, Propellant, Timing, Verdict};
+use report::{Handover, MassBalance, Propellant, Timing, Verdict};
 
 /// States are hashed at this interval [steps].
 const HASH_EVERY: u64 = 100;
@@ -36,6 +37,10 @@ pub struct Flight {
     step: SimTime,
     plant: Plant,
     sensors: Option<SensorSuite>,
+    faults: Faults,
+    /// Events that the faults have heard of.
+    heard: usize,
+    modified: Vec<String>,
     autopilot: Autopilot,
     referee: Referee,
     measurement: Option<Measurement>,
@@ -43,6 +48,7 @@ pub struct Flight {
     initial: Snapshot,
     events: Vec<Event>,
     flown_by: Vec<FlownBy>,
+    handovers: Vec<Handover>,
     source: Source,
     armed: bool,
     phase: Option<&'static str>,
@@ -150,11 +156,15 @@ impl Flight {
             step,
             plant,
             sensors,
+            faults: Faults::new(&scenario.file.fault, u64::from(seed)),
+            heard: 0,
+            modified: Vec::new(),
             measurement: None,
             initial: snapshot,
             snapshot,
             events: Vec::new(),
             flown_by: Vec::new(),
+            handovers: Vec::new(),
             source: Source::Autopilot,
             armed: false,
             phase: None,
@@ -178,6 +188,7 @@ impl Flight {
             self.event("armed", String::new());
         }
         self.armed = command.armed;
+        self.break_down();
         self.plant.step(command);
         self.steps += 1;
         self.snapshot = *self.plant.snapshot();
@@ -191,6 +202,9 @@ impl Flight {
         let truth = self.plant.truth();
         let time = self.plant.time();
         self.measurement = self.sensors.as_mut().and_then(|sensors| sensors.sample(&truth, time));
+        if let Some(measurement) = &mut self.measurement {
+            self.faults.spoil(measurement);
+        }
         let seen = self.referee.watch(
             &self.snapshot,
             &Circumstances {
@@ -212,6 +226,75 @@ impl Flight {
         if self.steps.is_multiple_of(HASH_EVERY) {
             self.hash.state(self.plant.state());
         }
+    }
+
+    /// Lets begin and end what breaks, and tells the plant.
+    fn break_down(&mut self) {
+        while let Some(event) = self.events.get(self.heard) {
+            self.faults.hear(&event.name);
+            self.heard += 1;
+        }
+        let (time, events) = (self.plant.time(), &mut self.events);
+        let now = fault::Circumstances {
+            time,
+            mission_s: self.plant.mission_s(),
+            height_m: self.snapshot.height_m,
+            lit: self.snapshot.lit,
+            thrust_n: self.snapshot.thrust_n,
+        };
+        self.faults.advance(&now, |fault, begins| {
+            let (name, time_s) = (fault.name(), time.s());
+            events.push(if begins {
+                Event { time_s, name: format!("fault:{name}"), detail: fault.describe() }
+            } else {
+                Event { time_s, name: format!("fault_over:{name}"), detail: String::new() }
+            });
+        });
+        self.plant.set_faults(&self.faults.effects().plant);
+    }
+
+    /// Breaks something now, without regard to a trigger; what acts of the same component and mode is replaced. The run is
+    /// marked as modified.
+    ///
+    /// # Errors
+    /// When the component cannot break so, or the value is out of range.
+    pub fn inject(&mut self, fault: &Fault) -> Result<(), Invalid> {
+        self.faults.inject(fault, self.plant.time())?;
+        self.note_modified(&format!("fault {}", fault.describe()));
+        self.event(&format!("fault:{}", fault.name()), fault.describe());
+        Ok(())
+    }
+
+    /// Mends what acts in a component, of one mode or of any, and says how much that was. The run is marked as modified if anything was.
+    pub fn clear_fault(&mut self, component: Component, mode: Option<Mode>) -> usize {
+        let mut ended = Vec::new();
+        self.faults.clear(component, mode, |fault| ended.push((fault.name(), fault.describe())));
+        for (name, what) in &ended {
+            self.note_modified(&format!("mended {what}"));
+            self.event(&format!("fault_over:{name}"), String::new());
+        }
+        ended.len()
+    }
+
+    /// The faults that act now.
+    pub fn faults(&self) -> impl Iterator<Item = &Acting> {
+        self.faults.acting()
+    }
+
+    /// What is broken between the bench and the flight controller.
+    pub fn wire_effect(&self) -> &WireEffect {
+        &self.faults.effects().wire
+    }
+
+    /// Notes that something was changed from outside: the run is no longer its scenario's.
+    pub fn note_modified(&mut self, what: &str) {
+        self.modified.push(format!("{:.3} s: {what}", self.plant.time().s()));
+        self.event("modified", what.to_owned());
+    }
+
+    /// What was changed from outside so far.
+    pub fn modified(&self) -> &[String] {
+        &self.modified
     }
 
     /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
@@ -378,6 +461,11 @@ impl Flight {
         }
     }
 
+    /// Notes what a change of hands did.
+    pub fn note_handover(&mut self, handover: Handover) {
+        self.handovers.push(handover);
+    }
+
     /// The estimate of the autopilot that flew, if that was not the flight's own but one at the other
     /// end of a link; used for the errors at touchdown.
     pub fn set_estimate_at_touchdown(&mut self, position_ned_m: Vec3) {
@@ -436,6 +524,7 @@ impl Flight {
             seed: self.seed,
             outcome: self.outcome().unwrap_or(Outcome::Aborted),
             flown_by,
+            handovers: self.handovers.clone(),
             expect: Verdict::default(),
             touchdown,
             max_altitude_m: self.referee.max_altitude_m,
@@ -455,6 +544,7 @@ impl Flight {
             state_hash: format!("{:016x}", hash.0),
             run: None,
             overrides: Vec::new(),
+            modified: self.modified.clone(),
         };
         let flight_time_s =
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);

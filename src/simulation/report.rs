@@ -17,6 +17,9 @@ pub struct Report {
     pub outcome: Outcome,
     /// Who flew, in order.
     pub flown_by: Vec<FlownBy>,
+    /// Changes of who flies while the bench flew; absent when there was none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub handovers: Vec<Handover>,
     /// What was expected, and what came.
     pub expect: Verdict,
     /// First pad contact after lift-off.
@@ -45,6 +48,9 @@ pub struct Report {
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
+    /// What was changed from outside while it flew, in order; such a run is not its scenario's.
+    #[serde(default)]
+    pub modified: Vec<String>,
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
@@ -79,6 +85,46 @@ pub struct FlownBy {
     pub from_s: f64,
     /// To this run time (s).
     pub to_s: f64,
+}
+
+/// A change of who flies, and what it did to the vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Handover {
+    /// Who took over; null: the engine was cut.
+    pub to: Option<Source>,
+    /// Run time (s).
+    pub time_s: f64,
+    /// Simulated time from the flight controller's last good controls to the first command of who took over (ms).
+    pub silence_ms: f64,
+    /// The same by the wall clock (ms).
+    pub silence_wall_ms: f64,
+    /// First thrust commanded less the last of who flew before (N).
+    pub thrust_step_n: f64,
+    /// Angle between their gimbal commands (deg).
+    pub gimbal_step_deg: f64,
+    /// Motion in the two seconds before.
+    pub before: Unrest,
+    /// Motion in the two seconds after.
+    pub after: Unrest,
+    /// Greatest change of the velocity in the two seconds after (m/s).
+    pub speed_change_m_s: f64,
+}
+
+/// Greatest tilt and body rate of a span.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Unrest {
+    /// Tilt of the long axis (deg).
+    pub tilt_deg: f64,
+    /// Body rate (deg/s).
+    pub rate_deg_s: f64,
+}
+
+impl Unrest {
+    /// Widens the span.
+    pub fn take(&mut self, other: &Self) {
+        self.tilt_deg = self.tilt_deg.max(other.tilt_deg);
+        self.rate_deg_s = self.rate_deg_s.max(other.rate_deg_s);
+    }
 }
 
 /// Expectations against results.

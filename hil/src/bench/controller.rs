@@ -30,6 +30,10 @@ pub(super) struct FlightController {
     pub(super) answers: bool,
     /// The answer that lockstep waits for has come.
     pub(super) answered: bool,
+    /// It was in the loop, and says that it no longer is.
+    pub(super) left_the_loop: bool,
+    /// What it commanded last, whether or not it is obeyed.
+    pub(super) command: Option<ActuatorCommand>,
     /// The last frame was armed, and any before it was.
     pub(super) armed: bool,
     pub(super) ever_armed: bool,
@@ -71,7 +75,9 @@ impl Bench<'_> {
             None => sender.1 == AUTOPILOT_COMPONENT,
         };
         if ours && beat.autopilot != AUTOPILOT_INVALID {
-            self.fc.heartbeat = Some(beat.base_mode & MODE_HIL != 0);
+            let in_the_loop = beat.base_mode & MODE_HIL != 0;
+            self.fc.left_the_loop = self.options.profile.needs_hil_flag && !in_the_loop;
+            self.fc.heartbeat = Some(in_the_loop);
         }
     }
 
@@ -128,6 +134,7 @@ impl Bench<'_> {
         self.fc.heard_ns = now_ns;
         self.fc.armed = armed;
         self.fc.ever_armed |= armed;
+        self.fc.command = Some(command);
         if self.stage == Stage::Fallback {
             return;
         }
@@ -137,13 +144,20 @@ impl Bench<'_> {
         self.command = command;
     }
 
-    /// Silence after which the flight controller counts as lost.
+    /// Longest time without controls that are obeyed or replaced.
     pub(super) fn fc_timeout(&self) -> Duration {
         Duration::from_secs_f64(self.scenario.file.fc_timeout_ms * 1e-3)
     }
 
-    pub(super) fn is_lost(&self) -> bool {
+    /// Silence after which the flight controller counts as lost: whoever replaces it commands on the next sample, and
+    /// that is within the timeout.
+    pub(super) fn patience(&self) -> Duration {
         let timeout = self.fc_timeout();
+        timeout.saturating_sub(Duration::from_micros(self.sample.us())).max(timeout / 2)
+    }
+
+    pub(super) fn is_lost(&self) -> bool {
+        let timeout = self.patience();
         if self.in_lockstep() {
             return self.fc.waited >= timeout;
         }

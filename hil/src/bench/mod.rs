@@ -23,6 +23,7 @@ use hopbench::scenario::{OnFcLoss, Outcome, Scenario};
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Source};
+use hopbench::time::SimTime;
 
 use crate::link::Link;
 use crate::live::Live;
@@ -35,6 +36,7 @@ use crate::stream::Streams;
 
 use controller::FlightController;
 use figures::Figures;
+use handover::Hands;
 
 /// Longest wait without a look at the request to stop.
 const SLICE: Duration = Duration::from_millis(50);
@@ -84,8 +86,12 @@ pub struct Bench<'a> {
     fc: FlightController,
     stage: Stage,
     command: ActuatorCommand,
-    /// From the hand-over on.
+    /// Stands by for the built-in autopilot; without it, it lands by ramps.
     planner: Option<Planner>,
+    hands: Hands,
+    /// Time between the last two samples.
+    sample: SimTime,
+    sampled: SimTime,
     clock: RealTime,
     figures: Figures,
     received: Vec<u8>,
@@ -116,7 +122,13 @@ impl<'a> Bench<'a> {
             fc: FlightController::default(),
             stage: Stage::Waiting,
             command: ActuatorCommand::SAFE,
-            planner: None,
+            // Threads begin before the flight does.
+            planner: Planner::start()
+                .inspect_err(|e| live.notice(format!("no thread to plan on: a fallback lands by ramps: {e}")))
+                .ok(),
+            hands: Hands::default(),
+            sample: SimTime::ZERO,
+            sampled: SimTime::ZERO,
             clock: RealTime::from_now(flight.time().us(), step_us),
             figures: Figures::begin(),
             received: Vec::with_capacity(64 * 1024),
@@ -162,6 +174,9 @@ impl<'a> Bench<'a> {
                 }
             }
             self.judge();
+        }
+        if let Some(handover) = self.hands.unfinished() {
+            self.flight.note_handover(handover);
         }
         self.finish()
     }
@@ -238,7 +253,7 @@ impl<'a> Bench<'a> {
         let mut patience = self.options.lockstep_timeout;
         if self.fc.armed {
             // A long wait for one answer must not outlast the patience with a silent controller.
-            patience = patience.min(self.fc_timeout().saturating_sub(self.fc.waited));
+            patience = patience.min(self.patience().saturating_sub(self.fc.waited));
         }
         let deadline = start + patience;
         loop {
@@ -268,6 +283,9 @@ impl<'a> Bench<'a> {
         self.flight.step(&self.command);
         self.figures.step_cost.record_ns(now_ns() - start_ns);
         self.figures.steps += 1;
+        if let Some(handover) = self.hands.watch(self.flight.snapshot()) {
+            self.flight.note_handover(handover);
+        }
         if !self.may_stream() {
             self.beat();
             return;
@@ -276,6 +294,7 @@ impl<'a> Bench<'a> {
         let (flight, datum) = (&*self.flight, &self.datum);
         self.streams.put_truth(time, || true_state(flight, datum));
         if let Some(measurement) = self.flight.measurement() {
+            (self.sample, self.sampled) = (time.since(self.sampled), time);
             let mut measurement = measurement.clone();
             self.options.profile.clamp(&mut measurement);
             self.streams.put_measurement(&measurement);
@@ -291,6 +310,7 @@ impl<'a> Bench<'a> {
                 planner.deliver(self.flight.autopilot(), now);
             }
             if let Some(command) = self.flight.autopilot_command() {
+                self.hands.commanded(&command, now);
                 self.command = command;
             }
             if let Some(planner) = &mut self.planner {
