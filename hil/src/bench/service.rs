@@ -17,7 +17,6 @@
 use std::collections::VecDeque;
 
 use hopbench::fault::{Component, Fault, Mode, Row};
-use hopbench::frame::Vec3;
 use hopbench::scenario::Outcome;
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::Source;
