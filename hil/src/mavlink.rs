@@ -31,9 +31,10 @@ mod id {
     pub const COMMAND_LONG: u32 = 76;
     pub const COMMAND_ACK: u32 = 77;
     pub const HIL_ACTUATOR_CONTROLS: u32 = 93;
+    pub const HIL_SENSOR: u32 = 107;
     /// HIL_STATE, HIL_CONTROLS, HIL_RC_INPUTS_RAW, HIL_ACTUATOR_CONTROLS, HIL_SENSOR, HIL_GPS, HIL_OPTICAL_FLOW and
     /// HIL_STATE_QUATERNION.
-    pub const HIL: [u32; 8] = [90, 91, 92, HIL_ACTUATOR_CONTROLS, 107, 113, 114, 115];
+    pub const HIL: [u32; 8] = [90, 91, 92, HIL_ACTUATOR_CONTROLS, HIL_SENSOR, 113, 114, 115];
 }
 
 /// One frame whose checksum held.
@@ -170,6 +171,10 @@ pub struct Counters {
     pub unknown: u64,
     /// Frames missing by the gaps in the senders' counters.
     pub lost: u64,
+    /// Frames that came twice by the senders' counters.
+    pub duplicates: u64,
+    /// Frames that came after a later one of the same sender.
+    pub out_of_order: u64,
     /// Bytes that belonged to no frame.
     pub skipped_bytes: u64,
 }
@@ -179,8 +184,17 @@ pub struct Counters {
 pub struct Decoder {
     buffer: Vec<u8>,
     start: usize,
-    last_sequence: Vec<(u8, u8, u8)>,
+    senders: Vec<Sender>,
     counters: Counters,
+}
+
+/// The counter of one system and component.
+#[derive(Debug)]
+struct Sender {
+    id: (u8, u8),
+    last: u8,
+    /// Bit `n`: the frame `n` before the last has come.
+    seen: u32,
 }
 
 /// What stands at one place of the buffer.
@@ -246,12 +260,7 @@ impl Decoder {
                 Candidate::Partial => {
                     // A damaged length may claim bytes that never come, and the other side may be waiting
                     // for an answer to the whole frame that stands behind it.
-                    let behind = (1..rest.len()).find(|&i| match candidate(&rest[i..]) {
-                        Candidate::Whole { length } => {
-                            rest.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
-                        }
-                        _ => false,
-                    })?;
+                    let behind = whole_behind(rest)?;
                     self.counters.crc_errors += 1;
                     self.skip(behind);
                 }
@@ -261,7 +270,7 @@ impl Decoder {
 
     /// Somebody else may speak from here on: no gap to what was before.
     pub fn forget_senders(&mut self) {
-        self.last_sequence.clear();
+        self.senders.clear();
     }
 
     fn skip(&mut self, length: usize) {
@@ -297,24 +306,33 @@ impl Decoder {
         frame
     }
 
-    /// Counts what is missing between this frame and the last of the same sender.
+    /// Counts what is missing between this frame and the last of the same sender, and what came late or twice.
     fn follow(&mut self, frame: &Frame) {
-        let sender = (frame.system_id, frame.component_id);
-        // A flight controller has a handful of components; noise that looks like more is not followed.
-        let room = self.last_sequence.len() < 32;
-        match self.last_sequence.iter_mut().find(|(s, c, _)| (*s, *c) == sender) {
-            Some((_, _, last)) => {
-                let gap = frame.sequence.wrapping_sub(*last).wrapping_sub(1);
-                // Half the circle or more is a sender that began anew, or a frame that came late or twice.
-                if gap < 128 {
-                    self.counters.lost += u64::from(gap);
-                }
-                *last = frame.sequence;
+        let id = (frame.system_id, frame.component_id);
+        let Some(sender) = self.senders.iter_mut().find(|sender| sender.id == id) else {
+            // A flight controller has a handful of components; noise that looks like more is not followed.
+            if self.senders.len() < 32 {
+                self.senders.push(Sender { id, last: frame.sequence, seen: 1 });
             }
-            None if room => {
-                self.last_sequence.push((sender.0, sender.1, frame.sequence));
+            return;
+        };
+        let ahead = frame.sequence.wrapping_sub(sender.last);
+        let behind = sender.last.wrapping_sub(frame.sequence);
+        match (ahead, behind) {
+            (1..=127, _) => {
+                self.counters.lost += u64::from(ahead) - 1;
+                sender.seen = sender.seen.checked_shl(ahead.into()).unwrap_or(0) | 1;
+                sender.last = frame.sequence;
             }
-            None => {}
+            (_, 0..32) if sender.seen & (1 << behind) != 0 => self.counters.duplicates += 1,
+            (_, 0..32) if self.counters.lost > 0 => {
+                // It was taken for lost.
+                sender.seen |= 1 << behind;
+                self.counters.out_of_order += 1;
+                self.counters.lost -= 1;
+            }
+            // A sender that began anew.
+            _ => (sender.last, sender.seen) = (frame.sequence, 1),
         }
     }
 }
@@ -374,7 +392,54 @@ fn candidate(bytes: &[u8]) -> Candidate {
     if fits { Candidate::Unknown { length } } else { Candidate::Nothing }
 }
 
+/// Where a whole frame stands behind one whose end has not arrived.
+fn whole_behind(bytes: &[u8]) -> Option<usize> {
+    (1..bytes.len()).find(|&i| match candidate(&bytes[i..]) {
+        Candidate::Whole { length } => {
+            bytes.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
+        }
+        _ => false,
+    })
+}
+
+/// The next piece of a stream of bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cut {
+    /// A whole frame of this length.
+    Frame(usize),
+    /// So many bytes that belong to none.
+    Noise(usize),
+}
+
+/// Cuts a stream as [`Decoder`] reads it; `None` until more bytes come.
+pub(crate) fn cut(bytes: &[u8]) -> Option<Cut> {
+    if bytes.is_empty() {
+        return None;
+    }
+    match candidate(bytes) {
+        Candidate::Whole { length } | Candidate::Unknown { length } => Some(Cut::Frame(length)),
+        Candidate::Damaged | Candidate::Nothing => Some(Cut::Noise(1)),
+        Candidate::Partial => whole_behind(bytes).map(Cut::Noise),
+    }
+}
+
+/// Time of the sample that a whole frame is, if it is a HIL_SENSOR, or answers, if it is a
+/// HIL_ACTUATOR_CONTROLS (us).
+pub(crate) fn sample_time_us(frame: &[u8]) -> Option<u64> {
+    let (id, payload) = match frame[0] {
+        MAGIC_2 => (message_id_2(frame), &frame[10..10 + usize::from(frame[1])]),
+        _ => (frame[5].into(), &frame[6..6 + usize::from(frame[1])]),
+    };
+    matches!(id, id::HIL_SENSOR | id::HIL_ACTUATOR_CONTROLS)
+        .then(|| u64::from_le_bytes(Payload(payload).bytes(0)))
+}
+
 impl Frame {
+    /// Whether it came as MAVLink 1.
+    pub fn is_version_1(&self) -> bool {
+        self.version == MavlinkVersion::V1
+    }
+
     /// As a message of the crate; `None` when it holds an enumerator that the crate does not know.
     pub fn message(&self) -> Option<MavMessage> {
         MavMessage::parse(self.version, self.message_id, &self.payload).ok()
@@ -555,6 +620,27 @@ pub fn heartbeat(base_mode: u8) -> MavMessage {
     })
 }
 
+/// COMMAND_LONG that tells a system and component to boot anew.
+pub fn reboot(to: (u8, u8)) -> MavMessage {
+    MavMessage::COMMAND_LONG(dialect::COMMAND_LONG_DATA {
+        param1: 1.0, // 1: the autopilot
+        command: dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+        target_system: to.0,
+        target_component: to.1,
+        ..Default::default()
+    })
+}
+
+/// Whether a message tells this system and component to boot anew.
+pub fn is_reboot(message: &MavMessage, own: (u8, u8)) -> bool {
+    let MavMessage::COMMAND_LONG(data) = message else { return false };
+    let reaches = |target: u8, own: u8| target == 0 || target == own;
+    data.command == dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+        && data.param1 == 1.0
+        && reaches(data.target_system, own.0)
+        && reaches(data.target_component, own.1)
+}
+
 /// SYSTEM_TIME; the Unix time is unknown to a simulated clock, hence 0.
 pub fn system_time(time_us: u64) -> MavMessage {
     MavMessage::SYSTEM_TIME(dialect::SYSTEM_TIME_DATA {
@@ -699,6 +785,24 @@ mod tests {
         assert_eq!(got, expected);
         assert_eq!(counters.lost, hit.len() as u64);
         assert!(counters.crc_errors + counters.unknown <= 2 * hit.len() as u64, "{counters:?}");
+    }
+
+    #[test]
+    fn frames_that_come_twice_late_or_never_are_told_apart() {
+        let (bytes, ends) = stream(300);
+        let frame = |i: usize| bytes[if i == 0 { 0 } else { ends[i - 1] }..ends[i]].to_vec();
+        let counted = |order: &[usize]| {
+            let (frames, counters) = decode(&order.iter().flat_map(|i| frame(*i)).collect::<Vec<_>>());
+            assert_eq!(frames.len(), order.len());
+            (counters.lost, counters.duplicates, counters.out_of_order)
+        };
+        assert_eq!(counted(&[0, 1, 1, 2, 3, 3, 3]), (0, 3, 0));
+        assert_eq!(counted(&[0, 2, 1, 3, 7, 6, 5, 8]), (1, 0, 3));
+        assert_eq!(counted(&[0, 2, 1, 1, 0, 3]), (0, 2, 1));
+        assert_eq!(counted(&[0, 40, 41]), (39, 0, 0));
+        // The counter has 256 values; a frame from far behind is a sender that began anew.
+        assert_eq!(counted(&[254, 256, 255, 257]), (0, 0, 1));
+        assert_eq!(counted(&[100, 101, 0, 1, 2]), (0, 0, 0));
     }
 
     #[test]

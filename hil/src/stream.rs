@@ -12,7 +12,7 @@ use crate::mavlink::measurement::{
     pressure, reset_mark,
 };
 use crate::mavlink::telemetry::{PLANT_ARRAY_ID, plant_array};
-use crate::mavlink::{Address, Command, Encoder, MavMessage, heartbeat, system_time};
+use crate::mavlink::{Address, Command, Encoder, MavMessage, heartbeat, reboot, system_time};
 use crate::profile::{Heartbeat, Profile, frame_bytes};
 
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
@@ -115,6 +115,11 @@ impl Streams {
     /// A heartbeat at once.
     pub fn put_heartbeat(&mut self) {
         self.put(&heartbeat(0));
+    }
+
+    /// Tells the flight controller to boot anew.
+    pub fn put_reboot(&mut self, to: (u8, u8)) {
+        self.put(&reboot(to));
     }
 
     /// Everything of one instant.

@@ -341,7 +341,7 @@ fn watched(options: Options, play: impl FnOnce(&mut Fc, &mut Station)) -> Report
             report.ground = Some(ground.figures());
             report
         });
-        let mut fc = Fc::over(far);
+        let mut fc = Fc::new(far);
         let mut station = Station {
             link: ground_far,
             decoder: Decoder::default(),

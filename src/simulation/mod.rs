@@ -596,13 +596,21 @@ impl Flight {
                     - (end.mass_kg + end.manifold_kg + end.chamber_gas_kg)
                     - (nozzle + rcs + vent),
             },
-            timing: Timing { simulated_s: end.time.s(), steps: self.steps, ..Timing::default() },
+            timing: Timing {
+                plant_mode: self.scenario.file.fidelity,
+                plant_hz: 1.0 / self.step_s(),
+                step_budget_us: self.step_s() * 1e6,
+                simulated_s: end.time.s(),
+                steps: self.steps,
+                ..Timing::default()
+            },
             link: None,
             events: self.events.clone(),
             state_hash: format!("{:016x}", hash.0),
             run: None,
             overrides: Vec::new(),
             modified: self.modified.clone(),
+            faults_idle: self.faults.idle().map(Fault::name).collect(),
             flights: self.earlier.clone(),
             ground: None,
         };

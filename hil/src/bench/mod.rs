@@ -14,6 +14,7 @@ mod figures;
 mod handover;
 mod service;
 mod show;
+mod stall;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -26,6 +27,7 @@ use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
+use crate::disruption::{Disruption, Sample};
 use crate::ground::Ground;
 use crate::link::Link;
 use crate::live::Live;
@@ -39,6 +41,7 @@ use crate::stream::Streams;
 use controller::FlightController;
 use figures::Figures;
 use handover::Hands;
+use stall::{NAMED_WITHIN, Stall, Stalls};
 use service::Services;
 
 /// Longest wait without a look at the request to stop.
@@ -92,6 +95,7 @@ pub struct Bench<'a> {
     belief: Option<&'a dyn Fn() -> Option<Belief>>,
     decoder: Decoder,
     streams: Streams,
+    disruption: Disruption,
     fc: FlightController,
     stage: Stage,
     command: ActuatorCommand,
@@ -103,6 +107,7 @@ pub struct Bench<'a> {
     sampled: SimTime,
     clock: RealTime,
     figures: Figures,
+    stalls: Stalls,
     received: Vec<u8>,
 }
 
@@ -137,6 +142,7 @@ impl<'a> Bench<'a> {
             belief: None,
             decoder: Decoder::default(),
             streams: Streams::new(options.profile),
+            disruption: Disruption::new(u64::from(flight.seed())),
             fc: FlightController::default(),
             stage: Stage::Waiting,
             command: ActuatorCommand::SAFE,
@@ -149,6 +155,7 @@ impl<'a> Bench<'a> {
             sampled: SimTime::ZERO,
             clock: RealTime::from_now(flight.time().us(), step_us),
             figures: Figures::begin(),
+            stalls: Stalls::none(),
             received: Vec::with_capacity(64 * 1024),
             scenario,
             flight,
@@ -206,10 +213,11 @@ impl<'a> Bench<'a> {
                     self.step_and_send();
                 }
                 _ => {
-                    let next_us = self.flight.time().us() + self.step_us();
-                    self.clock.wait_until(next_us);
+                    self.listen_until_next_step();
+                    let begun_ns = now_ns();
                     self.receive();
                     self.step_and_send();
+                    self.figures.cycle_cost.record_ns(now_ns() - begun_ns);
                 }
             }
             self.judge();
@@ -239,6 +247,26 @@ impl<'a> Bench<'a> {
         self.link.has_peer() && (!self.options.profile.needs_hil_flag || self.fc.heartbeat == Some(true))
     }
 
+    /// Until the next step is due. While an answer may come the wait is on the link: its arrival is timed, not the step
+    /// that finds it there. What it commands holds from the next step on either way.
+    fn listen_until_next_step(&mut self) {
+        /// The last stretch belongs to the clock alone.
+        const GUARD_NS: u64 = 100_000;
+        /// A link that never falls silent must not keep the loop awake.
+        const LOOKS: usize = 8;
+        let next_us = self.flight.time().us() + self.step_us();
+        let until_ns = self.clock.deadline_ns(next_us).saturating_sub(GUARD_NS);
+        for _ in 0..LOOKS {
+            let left_ns = until_ns.saturating_sub(now_ns());
+            if left_ns == 0 || !self.figures.awaits_answer() {
+                break;
+            }
+            self.link.wait(Instant::now() + Duration::from_nanos(left_ns));
+            self.receive();
+        }
+        self.clock.wait_until(next_us);
+    }
+
     /// Simulated time stands still until there is somebody to send to.
     fn wait_for_somebody(&mut self) {
         self.beat();
@@ -248,7 +276,7 @@ impl<'a> Bench<'a> {
         self.receive();
         if self.may_stream() {
             self.stage = Stage::Pad;
-            self.clock.rebase(self.flight.time().us());
+            self.clock.tie(self.flight.time().us());
         }
     }
 
@@ -269,33 +297,39 @@ impl<'a> Bench<'a> {
 
     fn step_and_send(&mut self) {
         self.step();
-        if self.flight.measurement().is_some() {
+        self.send_what_is_due();
+    }
+
+    /// What the step gave to send, and what a bad wire has held back until now. The shadow follows while the
+    /// flight controller thinks.
+    fn send_what_is_due(&mut self) {
+        let sampled = self.flight.measurement().is_some();
+        if sampled {
             self.note_sent();
+        }
+        if sampled || !self.disruption.is_clear() {
             self.serve();
             self.flush();
+        }
+        if sampled {
             self.consult();
         }
     }
 
     fn step_and_await(&mut self, stop: &AtomicBool) {
         self.step();
-        if self.flight.measurement().is_none() {
+        if self.flight.measurement().is_none() && self.disruption.is_clear() {
             return;
         }
         let (time_us, on_wire_us) = (self.flight.time().us(), self.wire_time().us());
         if !self.options.fast {
             // Never ahead of real time; what a slow answer cost is not made up for.
             self.clock.wait_until(time_us);
-            if self.clock.behind_ns(time_us) > 1_000_000 {
-                self.clock.rebase(time_us);
-            }
+            self.clock.rebase(time_us);
         }
         self.fc.answered = false;
-        self.note_sent();
-        self.serve();
-        self.flush();
-        // While the flight controller thinks.
-        self.consult();
+        self.send_what_is_due();
+        let Some(Sample { time_us: sample_us, .. }) = self.fc.awaited else { return self.receive() };
         let start = Instant::now();
         let mut patience = self.options.lockstep_timeout;
         if self.fc.armed {
@@ -303,6 +337,7 @@ impl<'a> Bench<'a> {
             patience = patience.min(self.patience().saturating_sub(self.fc.waited));
         }
         let deadline = start + patience;
+        let mut named = start;
         loop {
             self.receive();
             // A controller that has gone and come back starts from the beginning.
@@ -313,15 +348,37 @@ impl<'a> Bench<'a> {
             if now >= deadline {
                 break;
             }
+            if now - named >= NAMED_WITHIN {
+                named = now;
+                self.live.notice(format!(
+                    "waiting for HIL_ACTUATOR_CONTROLS with time_usec {sample_us} on {}, {} s",
+                    self.link.address(),
+                    (now - start).as_secs()
+                ));
+            }
             self.link.wait(deadline.min(now + SLICE));
+            self.clock.has_rested();
         }
-        self.fc.waited += start.elapsed();
-        self.figures.stalls += 1;
-        self.live.notice(format!(
-            "stall: no HIL_ACTUATOR_CONTROLS with time_usec {on_wire_us} within {} ms on {}; the last command holds",
-            patience.as_millis(),
+        self.stall(sample_us, start.elapsed());
+    }
+
+    /// The wait for the answer to a sample was in vain.
+    fn stall(&mut self, sample_us: u64, waited: Duration) {
+        self.fc.waited += waited;
+        let lost = match self.fc.awaited {
+            Some(Sample { lost: true, .. }) => ": a fault of the wire lost it or its sample",
+            _ => "",
+        };
+        let text = format!(
+            "no HIL_ACTUATOR_CONTROLS with time_usec {sample_us} within {} ms on {}{lost}; the last command holds",
+            waited.as_millis(),
             self.link.address()
-        ));
+        );
+        if self.stalls.is_first() {
+            self.flight.event("stall", text.clone());
+        }
+        let now = self.flight.time();
+        self.stalls.count(&Stall { now, sample_us, waited, by_fault: !lost.is_empty() }, text);
     }
 
     /// One step of the plant under the command in force, and what it gives to send.
@@ -332,6 +389,11 @@ impl<'a> Bench<'a> {
         self.figures.steps += 1;
         if let Some(handover) = self.hands.watch(self.flight.snapshot()) {
             self.flight.note_handover(handover);
+        }
+        if self.disruption.set(self.flight.wire_effect()) {
+            // Straight to it: a bad wire is another matter.
+            self.streams.put_reboot(self.fc.address());
+            self.send_straight();
         }
         if !self.may_stream() {
             self.beat();
@@ -390,6 +452,11 @@ impl<'a> Bench<'a> {
         for notice in self.link.take_notices() {
             self.take_notice(notice);
         }
+        if !self.disruption.is_clear() {
+            let fc = &mut self.fc;
+            let now = self.flight.time();
+            self.disruption.carry_from_fc(&mut self.received, now, |answer| fc.take_answer(answer));
+        }
         if self.received.is_empty() {
             return;
         }
@@ -402,7 +469,7 @@ impl<'a> Bench<'a> {
             let said = frame.from_fc();
             let sender = (frame.system_id, frame.component_id);
             match &said {
-                FromFc::Controls(controls) => self.take_controls(controls, sender),
+                FromFc::Controls(controls) => self.take_controls(controls, sender, frame.sequence),
                 FromFc::Heartbeat(beat) => self.take_heartbeat(*beat, sender),
                 _ => self.take_request(&said),
             }
