@@ -321,7 +321,7 @@ impl<'a> Bench<'a> {
         if self.flight.measurement().is_none() && self.disruption.is_clear() {
             return;
         }
-        let (time_us, on_wire_us) = (self.flight.time().us(), self.wire_time().us());
+        let time_us = self.flight.time().us();
         if !self.options.fast {
             // Never ahead of real time; what a slow answer cost is not made up for.
             self.clock.wait_until(time_us);
