@@ -17,7 +17,6 @@
 use std::collections::VecDeque;
 
 use hopbench::fault::{Component, Fault, Mode, Row};
-use hopbench::frame::Vec3;
 use hopbench::scenario::Outcome;
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::Source;
@@ -27,6 +26,7 @@ use super::controller::FlightController;
 use super::handover::Hands;
 use super::{Bench, Stage};
 use crate::desk::{Allowance, Desk};
+use crate::disruption::Disruption;
 use crate::failure::{Failure, failure};
 use crate::ground::{FromGround, GROUND_ADDRESS, View};
 use crate::link::Notice;
@@ -220,7 +220,8 @@ impl Bench<'_> {
         self.flush();
         self.link.wait(std::time::Instant::now() + std::time::Duration::from_millis(20));
         self.receive();
-        self.clock.rebase(self.flight.time().us());
+        let now_us = self.flight.time().us();
+        self.clock.go_on(now_us, now_us);
     }
 
     /// Begins a new flight.
@@ -263,7 +264,8 @@ impl Bench<'_> {
         if let Some(planner) = &mut self.planner {
             planner.forget();
         }
-        self.clock.rebase(self.flight.time().us());
+        self.disruption = Disruption::new(u64::from(seed));
+        self.clock.go_on(flown.us(), self.flight.time().us());
         if self.clock.speed() != 1.0 {
             self.flight.note_modified(&format!("SIM_SPEED {}", self.clock.speed()));
         }
@@ -510,7 +512,6 @@ impl Bench<'_> {
             }
             Request::Resume if self.services.paused => {
                 self.services.paused = false;
-                self.clock.rebase(self.flight.time().us());
                 self.modified("resumed");
             }
             Request::Pause | Request::Resume => {}
