@@ -127,7 +127,8 @@ fn wire_from_fc_drop() {
 
 /// Run time of the event `armed`, of which there must be one, when each sample from `armed_us` on is answered armed (s).
 fn armed_s(overrides: &[&str], armed_us: u64) -> (f64, Report) {
-    let report = run(&scenario(overrides), patient(Duration::from_secs(5)), |fc| {
+    let overrides = [overrides, &["fc_timeout_ms=10000"]].concat();
+    let report = run(&scenario(&overrides), patient(Duration::from_secs(5)), |fc| {
         fc.idle_until(armed_us - SAMPLE_US);
         loop {
             let time_us = fc.sensor();
