@@ -288,7 +288,8 @@ mod tests {
     #[test]
     fn bytes_cut_anywhere_suffer_the_same() {
         let (bytes, _) = answers(200);
-        let effect = Direction { drop_share: 0.2, duplicate_share: 0.2, corrupt_share: 0.2, ..Direction::default() };
+        let effect =
+            Direction { drop_share: 0.2, duplicate_share: 0.2, corrupt_share: 0.2, ..Direction::default() };
         let through = |size: usize| {
             let mut wire = Disruption::new(7);
             assert!(!wire.set(&broken(effect)));
@@ -372,10 +373,12 @@ mod tests {
     #[test]
     fn a_controller_boots_once_at_a_reboot_and_when_its_power_is_back() {
         let mut wire = Disruption::new(1);
-        let fc = |reboots, brown_out| WireEffect { fc: FcEffect { reboots, brown_out }, ..WireEffect::default() };
-        let told: Vec<bool> = [(true, false), (true, false), (false, false), (false, true), (false, true), (false, false)]
-            .map(|(reboots, brown_out)| wire.set(&fc(reboots, brown_out)))
-            .to_vec();
+        let fc =
+            |reboots, brown_out| WireEffect { fc: FcEffect { reboots, brown_out }, ..WireEffect::default() };
+        let told: Vec<bool> =
+            [(true, false), (true, false), (false, false), (false, true), (false, true), (false, false)]
+                .map(|(reboots, brown_out)| wire.set(&fc(reboots, brown_out)))
+                .to_vec();
         assert_eq!(told, [true, false, false, false, false, true]);
     }
 }

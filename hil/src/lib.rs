@@ -1,7 +1,8 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
 //! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
+//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is
+//! the clock; [`mod@bench`] is the loop.
 
 // Files.
 pub mod load;
@@ -10,6 +11,8 @@ pub mod load;
 pub mod link;
 pub mod mavlink;
 mod serial;
+
+// What becomes of them on a bad wire.
 pub mod disruption;
 
 // Flight controllers and time.

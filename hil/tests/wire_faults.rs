@@ -120,7 +120,10 @@ fn wire_from_fc_drop() {
     assert_share(dropped, 1000, 0.1);
     // One may be under way when the run is stopped; what came too late was not waited for.
     let spared = 1 + report.link.unwrap().stalls - stalls.lost_by_fault;
-    assert!((dropped - spared.min(dropped)..=dropped).contains(&stalls.lost_by_fault), "{dropped} {stalls:?}");
+    assert!(
+        (dropped - spared.min(dropped)..=dropped).contains(&stalls.lost_by_fault),
+        "{dropped} {stalls:?}"
+    );
     // The gaps in the controller's counter tell the same.
     assert!(report.link.unwrap().lost.abs_diff(dropped) <= 2, "{:?}", report.link);
 }
@@ -178,7 +181,9 @@ fn a_delay_is_in_the_round_trip() {
 #[test]
 fn a_delay_beyond_the_timeout_is_a_loss_in_lockstep_too() {
     let report = flown(
-        &["fault = [{component = \"wire_from_fc\", mode = \"delay\", value = 0.5, at_event = \"phase:hover\"}]"],
+        &[
+            "fault = [{component = \"wire_from_fc\", mode = \"delay\", value = 0.5, at_event = \"phase:hover\"}]",
+        ],
         lockstep(&GENERIC),
         |_| false,
     );
