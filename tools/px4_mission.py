@@ -1,7 +1,7 @@
 """Flies a PX4 by MAVLink: arm, take off, hold, land; or offboard steps. A line for each step.
 
     python tools/px4_mission.py                          # PX4 in software on this machine, 10 m, 8 s of hover
-    python tools/px4_mission.py --offboard --height 6    # steps of position, height and heading
+    python tools/px4_mission.py --offboard --height 5    # steps of position, height and heading
     python tools/px4_mission.py --link /dev/ttyACM1 --baud 921600
 
 Times and holds are PX4's own clock (`time_boot_ms`), so the script is right at any speed of simulation. It sends the
@@ -23,7 +23,8 @@ from pymavlink.dialects.v20 import common as mavlink  # noqa: E402
 PREARM_BIT = 0x10000000
 MODES = {(4, 2): "takeoff", (4, 3): "hold", (4, 6): "land", (6, 0): "offboard", (4, 5): "return", (4, 4): "mission"}
 POSITION_AND_YAW = 0b100111111000
-STEP_TOLERANCE_M, STEP_TOLERANCE_DEG, STEP_S = 0.5, 10.0, 12.0
+STEP_TOLERANCE_M, STEP_TOLERANCE_DEG = 0.5, 10.0
+STEPS = ("east", "back", "higher", "lower", "turn")
 ON_GROUND = mavlink.MAV_LANDED_STATE_ON_GROUND
 
 
@@ -91,6 +92,8 @@ class Px4:
             self.parameters[m.param_id] = m.param_value
         elif kind == "STATUSTEXT":
             self.said.append(m.text)
+            # The bench ends when the vehicle is landed and disarmed, and with it PX4's clock: no HEARTBEAT may follow.
+            self.armed = self.armed and not m.text.startswith("Disarmed")
             print(f"{self.now_s:8.2f} s  PX4: {m.text}")
 
     @property
@@ -172,8 +175,11 @@ def land(px4):
             raise Refused("not down after 120 s")
         sink_m_s = px4.local.vz if px4.local.vz > 0.3 else sink_m_s
     px4.say(f"landed, {math.hypot(px4.local.x, px4.local.y):.2f} m from the origin, came down at {sink_m_s:.2f} m/s")
-    px4.wait("disarming", lambda: not px4.armed)
-    px4.say("disarmed")
+    try:
+        px4.wait("disarming", lambda: not px4.armed)
+        px4.say("disarmed")
+    except NoLink:
+        px4.say("silent once landed: the bench has ended, which it does when PX4 disarms")
 
 
 def hop(px4, height_m, hold_s):
@@ -197,7 +203,7 @@ def hop(px4, height_m, hold_s):
     land(px4)
 
 
-def offboard(px4, height_m, step_m):
+def offboard(px4, height_m, step_m, names, settle_s):
     """Steps of position, height and heading by setpoints at 20 Hz."""
     x, y, z, yaw = px4.local.x, px4.local.y, px4.local.z, px4.yaw
     px4.setpoint = ((x, y, z - height_m), yaw)
@@ -208,14 +214,12 @@ def offboard(px4, height_m, step_m):
     px4.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, again=True)
     px4.say("armed, offboard")
     px4.wait("offboard", lambda: px4.armed and px4.mode == (6, 0))
-    steps = [
-        ("up", (x, y, z - height_m), yaw, 3.0 + height_m),
-        ("east", (x, y + step_m, z - height_m), yaw, STEP_S),
-        ("back", (x, y, z - height_m), yaw, STEP_S),
-        ("higher", (x, y, z - height_m - step_m), yaw, STEP_S),
-        ("lower", (x, y, z - height_m), yaw, STEP_S),
-        ("turn", (x, y, z - height_m), yaw + math.pi / 2, STEP_S),
-    ]
+    top = z - height_m
+    places = {"east": (x, y + step_m, top), "higher": (x, y, top - step_m)}
+    steps = [("up", (x, y, top), yaw, 3.0 + height_m)]
+    for name in names:
+        yaw += math.pi / 2 if name == "turn" else 0.0
+        steps.append((name, places.get(name, (x, y, top)), yaw, settle_s))
     missed = []
     for name, place, heading, seconds in steps:
         px4.setpoint = (place, (heading + math.pi) % (2 * math.pi) - math.pi)
@@ -236,17 +240,22 @@ def main():
     parser.add_argument("--baud", type=int, default=921600, help="for a serial link")
     parser.add_argument("--height", type=float, default=10.0, metavar="M", help="above the pad (default %(default)s)")
     parser.add_argument("--hold", type=float, default=8.0, metavar="S", help="hover at the top (default %(default)s)")
-    parser.add_argument("--offboard", action="store_true", help="steps by setpoints instead; at least 60 s of burn")
-    parser.add_argument("--step", type=float, default=5.0, metavar="M", help="size of the offboard steps (default %(default)s)")
+    parser.add_argument("--offboard", action="store_true", help="steps by setpoints instead of PX4's own modes")
+    parser.add_argument("--steps", default="east,turn", metavar="LIST", help=f"of {', '.join(STEPS)} (default %(default)s)")
+    parser.add_argument("--step", type=float, default=2.0, metavar="M", help="size of a step (default %(default)s)")
+    parser.add_argument("--settle", type=float, default=8.0, metavar="S", help="time for a step (default %(default)s)")
     parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="patience for each answer (default %(default)s)")
     options = parser.parse_args()
     if not 1.0 <= options.height <= 200.0 or not 0.0 <= options.hold <= 300.0 or not 0.0 < options.step <= 50.0:
         parser.error("allowed: --height 1 to 200, --hold 0 to 300, --step above 0 to 50")
+    names = options.steps.split(",")
+    if unknown := [name for name in names if name not in STEPS]:
+        parser.error(f"--steps: {unknown[0]!r} is none of {', '.join(STEPS)}")
     try:
         px4 = Px4(options.link, options.baud, silence_s=min(10.0, options.wait), patience_s=options.wait)
         connect(px4)
         if options.offboard:
-            offboard(px4, options.height, options.step)
+            offboard(px4, options.height, options.step, names, options.settle)
         else:
             hop(px4, options.height, options.hold)
     except (NoLink, OSError) as error:

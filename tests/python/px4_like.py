@@ -10,7 +10,7 @@ throttle estimator, failsafes and pre-flight checks.
 
 State comes from HIL_SENSOR, HIL_GPS and DISTANCE_SENSOR alone, never from HIL_STATE_QUATERNION.
 
-    mission = Hop(height_m=10, hold_s=8)                        # or UdpApi(14540): a ground station commands it
+    mission = Hop(height_m=10, hold_s=8)                        # or UdpApi(port): `tools/px4_mission.py` commands it
     Px4Like(read_parameters("hopbench_sitl.params")).fly("127.0.0.1", 4560, mission)
 """
 
@@ -466,3 +466,81 @@ class Hop:
         elif self.stage == "hold" and fc.now_s - self.top_s > self.hold_s:
             fc.land()
             self.stage = "down"
+
+
+class UdpApi:
+    """PX4's API link, as much of it as `tools/px4_mission.py` uses: telemetry to a port, commands from it. Times are
+    simulated, so it serves at any speed; while it has heard no ground station it does not arm."""
+
+    def __init__(self, port):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+        self.to = ("127.0.0.1", port)
+        self.wire = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.samples, self.said, self.height_m, self.ground_stations = 0, 0, 10.0, 0
+        self.setpoint_s = -math.inf
+
+    def send(self, name, *values):
+        try:
+            self.socket.sendto(getattr(mavlink, f"MAVLink_{name}_message")(*values).pack(self.wire), self.to)
+        except OSError:  # nobody listens yet
+            pass
+
+    def step(self, fc):
+        self.samples += 1
+        while True:
+            try:
+                data = self.socket.recv(65536)
+            except OSError:
+                break
+            for m in self.wire.parse_buffer(data) or []:
+                getattr(self, "on_" + m.get_type().lower(), lambda m, fc: None)(m, fc)
+        if fc.mode == OFFBOARD and fc.now_s - self.setpoint_s > fc.p["COM_OF_LOSS_T"]:
+            fc.say("Offboard control lost")
+            fc.land()
+        if self.samples % 25 == 0 or len(fc.events) > self.said:  # 10 Hz, and what is said at once
+            self.tell(fc)
+
+    def tell(self, fc):
+        ms, e = int(fc.now_s * 1e3), fc.estimate
+        (x, y, z), v = e.position, e.velocity
+        self.send("local_position_ned", ms, x, y, z, *v)
+        self.send("global_position_int", ms, 0, 0, int((3.0 - z) * 1e3), int(-z * 1e3), 0, 0, 0, 0)
+        self.send("attitude", ms, 0, 0, e.yaw, *e.rate)
+        mode = 1 | (128 if fc.armed else 0)
+        self.send("heartbeat", 2, mavlink.MAV_AUTOPILOT_PX4, mode, fc.mode[0] << 16 | fc.mode[1] << 24, 4, 3)
+        healthy = 0x10000000 if e.ready and self.ground_stations else 0
+        self.send("sys_status", 0, 0, healthy, 0, 16000, -1, 70, 0, 0, 0, 0, 0, 0)
+        self.send("extended_sys_state", 0, 1 if fc.landed else 2)
+        for _, text in fc.events[self.said :]:
+            self.send("statustext", 6, text.encode())
+        self.said = len(fc.events)
+
+    def on_heartbeat(self, m, fc):
+        self.ground_stations += m.type == mavlink.MAV_TYPE_GCS
+
+    def on_param_set(self, m, fc):
+        if m.param_id == "MIS_TAKEOFF_ALT":
+            self.height_m = m.param_value
+            self.send("param_value", b"MIS_TAKEOFF_ALT", m.param_value, 9, 1, 0)
+
+    def on_set_position_target_local_ned(self, m, fc):
+        self.setpoint_s = fc.now_s
+        if fc.mode == OFFBOARD:
+            fc.target, fc.target_yaw = [m.x, m.y, m.z], m.yaw
+
+    def on_command_long(self, m, fc):
+        done = True
+        if m.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+            done = bool(self.ground_stations) and fc.arm()
+        elif m.command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            done = fc.armed
+            fc.take_off(self.height_m)
+        elif m.command == mavlink.MAV_CMD_NAV_LAND:
+            fc.land()
+        elif m.command == mavlink.MAV_CMD_DO_SET_MODE and m.param2 == OFFBOARD[0]:
+            done = fc.now_s - self.setpoint_s < fc.p["COM_OF_LOSS_T"]
+            fc.mode = OFFBOARD if done else fc.mode
+        else:
+            done = False
+        self.send("command_ack", m.command, mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
