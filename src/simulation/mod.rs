@@ -418,11 +418,6 @@ impl Flight {
         &self.snapshot
     }
 
-    /// The seed in force.
-    pub fn seed(&self) -> u32 {
-        self.seed
-    }
-
     /// The scenario flown.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
