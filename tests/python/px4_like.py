@@ -266,6 +266,9 @@ class Px4Like:
         p, here = self.p, self.estimate.position
         if self.axes is None:
             self.axes = [Axis(x) for x in here]
+        if self.mode == OFFBOARD:  # setpoints go straight to the controller
+            self.axes = [Axis(x) for x in (self.target if dt else here)]
+            return [a.x for a in self.axes], [0.0] * 3, [0.0] * 3, p["MPC_Z_VEL_MAX_UP"]
         north, east, down = self.axes
         jerk, height_m = p["MPC_JERK_AUTO"], self.estimate.height_m
         lateral_error = math.hypot(north.x - here[0], east.x - here[1])
