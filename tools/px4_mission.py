@@ -216,7 +216,7 @@ def offboard(px4, height_m, step_m, names, settle_s):
     px4.wait("offboard", lambda: px4.armed and px4.mode == (6, 0))
     top = z - height_m
     places = {"east": (x, y + step_m, top), "higher": (x, y, top - step_m)}
-    steps = [("up", (x, y, top), yaw, 3.0 + height_m)]
+    steps = [("up", (x, y, top), yaw, 7.0 + height_m)]
     for name in names:
         yaw += math.pi / 2 if name == "turn" else 0.0
         steps.append((name, places.get(name, (x, y, top)), yaw, settle_s))

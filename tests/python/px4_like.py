@@ -27,7 +27,7 @@ BOOT_GAP_US = 200_000
 ALIGNMENT_S = 3.0
 # Firmware defaults of what the parameter file leaves alone.
 DEFAULTS = {"LNDMC_Z_VEL_MAX": 0.25, "LNDMC_XY_VEL_MAX": 1.5, "LNDMC_ROT_MAX": 20.0, "LNDMC_TRIG_TIME": 1.0}
-DEFAULTS |= {"MPC_THR_XY_MARG": 0.3, "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "MC_YR_INT_LIM": 0.3}
+DEFAULTS |= {"MPC_THR_XY_MARG": 0.3, "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "MPC_VELD_LP": 5.0}
 # Modes: main and sub number.
 HOLD, TAKEOFF, LAND, OFFBOARD = (4, 3), (4, 2), (4, 6), (6, 0)
 
@@ -85,6 +85,7 @@ class Estimator:
         self.force, self.field, self.bias, self.pressure = [0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0
         self.rate, self.q, self.v, self.p = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3
         self.acceleration, self.trim, self.origin = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self.derivative_s, self.derivative, self.last_velocity = 1.0 / (2 * math.pi * parameters["MPC_VELD_LP"]), [0.0] * 3, [0.0] * 3
         self.range_rest_m, self.range_m, self.range_us = None, None, 0
         self.ready = self.moving = False
 
@@ -115,6 +116,9 @@ class Estimator:
         self.v = add(self.v, self.acceleration, dt)
         if m.fields_updated & 0x1A00 == 0x1A00:  # 8.3 m a hPa near the ground
             self.p[2] += 0.01 * (8.33 * (m.abs_pressure - self.pressure) + turned(self.q, self.arm["IMU"])[2] - self.p[2])
+        change = [d / dt for d in add(self.velocity, self.last_velocity, -1.0)]
+        self.last_velocity = self.velocity
+        self.derivative = add(self.derivative, add(change, self.derivative, -1.0), 1.0 - math.exp(-dt / self.derivative_s))
         return dt
 
     def level(self):
@@ -221,7 +225,7 @@ class Px4Like:
         self.estimate = Estimator(parameters, math.radians(declination_deg))
         self.armed, self.mode, self.landed, self.now_s, self.armed_s, self.landed_s = False, HOLD, True, 0.0, None, None
         self.target, self.target_yaw, self.throttle, self.flown = [0.0] * 3, 0.0, 0.0, False
-        self.events = []
+        self.events, self.answer = [], [0.0] * 16
         self.reset()
 
     def reset(self):
@@ -266,6 +270,9 @@ class Px4Like:
         p, here = self.p, self.estimate.position
         if self.axes is None:
             self.axes = [Axis(x) for x in here]
+        if self.mode == OFFBOARD:  # setpoints go straight to the controller
+            self.axes = [Axis(x) for x in (self.target if dt else here)]
+            return [a.x for a in self.axes], [0.0] * 3, [0.0] * 3, p["MPC_Z_VEL_MAX_UP"]
         north, east, down = self.axes
         jerk, height_m = p["MPC_JERK_AUTO"], self.estimate.height_m
         lateral_error = math.hypot(north.x - here[0], east.x - here[1])
@@ -315,7 +322,7 @@ class Px4Like:
         gains = [("XY", 0), ("XY", 1), ("Z", 2)]
         wanted = [
             a[i] * (flying or 0) + p[f"MPC_{n}_VEL_P_ACC"] * error[i] + self.v_int[i]
-            - p[f"MPC_{n}_VEL_D_ACC"] * self.estimate.acceleration[i] for n, i in gains
+            - p[f"MPC_{n}_VEL_D_ACC"] * self.estimate.derivative[i] for n, i in gains
         ]
         if not flying:
             wanted[:2] = [0.0, 0.0]
@@ -438,11 +445,11 @@ class Px4Like:
                     for m in wire.parse_buffer(data) or []:
                         if m.get_type() == "HIL_SENSOR" and m.id == 0:
                             first_us = first_us or m.time_usec
-                            answer = self.controls(m)
+                            self.answer = self.controls(m)
                             commander.step(self)
                             if m.time_usec - first_us > BOOT_GAP_US:
                                 mode = 129 if self.armed else 1
-                                send(mavlink.MAVLink_hil_actuator_controls_message(m.time_usec, answer, mode, 1))
+                                send(mavlink.MAVLink_hil_actuator_controls_message(m.time_usec, self.answer, mode, 1))
                         elif m.get_type() == "HIL_GPS":
                             self.estimate.on_gps(m)
                         elif m.get_type() == "DISTANCE_SENSOR":

@@ -5,6 +5,7 @@ wire, plant and a controller of PX4's structure with those gains fit together, a
 """
 
 import json
+import math
 
 import pytest
 from hopbench_bench import ROOT, Bench, run_hopbench
@@ -66,6 +67,39 @@ def test_thrusters_on_two_channels_hold_the_heading_as_one_does(tmp_path):
     assert result.code == 0, result.stdout
     # PX4's dead band of 2 % and the thrusters' of 5 % over the yaw gain leave about a degree, the pulses as much again.
     assert abs(fc.estimate.yaw - fc.target_yaw) < 0.1
+
+
+class Watched(Hop):
+    """A hop whose gimbal commands about y are kept while it hovers."""
+
+    def __init__(self):
+        super().__init__(height_m=10.0, hold_s=4.0)
+        self.commands = []
+
+    def step(self, fc):
+        super().step(fc)
+        if self.stage == "hold":
+            self.commands.append(fc.answer[2])
+
+    @property
+    def rms(self):
+        return math.sqrt(sum(c * c for c in self.commands) / len(self.commands))
+
+
+def test_differential_gain_that_flew_elsewhere_makes_this_gimbal_hum_and_the_written_one_does_not(tmp_path):
+    written, facts = parameters_of("reference", tmp_path)
+    effect = facts["airframe"]["tuning"]["unit_effect_rad_s2"][0]
+    quiet, humming = Watched(), Watched()
+    hop(written, commander=quiet)
+    # A share of 0.03 s of the rate gain and PX4's own filter: a loop gain of 3 where the swinging engine turns the phase.
+    flown = written | {"IMU_GYRO_CUTOFF": 40.0}
+    for axis in ("ROLL", "PITCH"):
+        flown[f"MC_{axis}RATE_P"] = 7.0 / effect
+        flown[f"MC_{axis}RATE_D"] = 0.03 * flown[f"MC_{axis}RATE_P"]
+    hop(flown, commander=humming)
+    # A stable loop answers noise and wander: a tenth of the stroke. A growing oscillation ends at the stops: 0.7 and more
+    # for anything between a sine and a square, half of that asked for.
+    assert quiet.rms < 0.1 and humming.rms > 0.35, (quiet.rms, humming.rms)
 
 
 def test_gains_with_the_wrong_sign_do_not_fly(tmp_path):
