@@ -22,10 +22,10 @@ pub mod yardstick;
 
 // The run.
 pub mod bench;
+pub mod certificate;
 pub mod drawing;
 pub mod live;
 pub mod pilot;
-pub mod certificate;
 pub mod report;
 pub mod throttle_map;
 

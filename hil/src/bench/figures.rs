@@ -133,7 +133,8 @@ impl Bench<'_> {
     pub(super) fn note_sent(&mut self) {
         let time_us = self.flight.time().us();
         let samples = &mut self.figures.samples;
-        samples.sent[(time_us / 1000) as usize % 1000] = Sample { time_us, left_ns: now_ns(), answered: false };
+        samples.sent[(time_us / 1000) as usize % 1000] =
+            Sample { time_us, left_ns: now_ns(), answered: false };
         samples.unanswered = true;
     }
 
@@ -169,7 +170,8 @@ impl Bench<'_> {
             refused: moved.refused,
             stalls: figures.stalls,
             gaps: figures.silences.gaps,
-            longest_gap_ms: (figures.silences.frames > 1).then_some(figures.silences.longest_ns as f64 * 1e-6),
+            longest_gap_ms: (figures.silences.frames > 1)
+                .then_some(figures.silences.longest_ns as f64 * 1e-6),
             sent_bytes: moved.sent_bytes,
             received_bytes: moved.received_bytes,
             rate_out_hz: each_s(figures.taken),
