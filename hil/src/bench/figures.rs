@@ -151,7 +151,8 @@ impl Bench<'_> {
     pub(super) fn note_sent(&mut self) {
         let time_us = self.wire_time().us();
         let samples = &mut self.figures.samples;
-        samples.sent[(time_us / 1000) as usize % 1000] = Sent { time_us, left_ns: now_ns(), answered: false };
+        samples.sent[(time_us / 1000) as usize % 1000] =
+            Sent { time_us, left_ns: now_ns(), answered: false };
         samples.unanswered = true;
     }
 
@@ -193,7 +194,8 @@ impl Bench<'_> {
             stalled,
             disrupted: self.disruption.report(),
             gaps: figures.silences.gaps,
-            longest_gap_ms: (figures.silences.frames > 1).then_some(figures.silences.longest_ns as f64 * 1e-6),
+            longest_gap_ms: (figures.silences.frames > 1)
+                .then_some(figures.silences.longest_ns as f64 * 1e-6),
             sent_bytes: moved.sent_bytes,
             received_bytes: moved.received_bytes,
             rate_out_hz: each_s(figures.taken),
