@@ -248,3 +248,137 @@ impl Way {
         (frames, newest)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mavlink::{ControlsFrame, Decoder, Encoder, FromFc, actuator_controls};
+
+    fn broken(from_fc: Direction) -> WireEffect {
+        WireEffect { from_fc, ..WireEffect::default() }
+    }
+
+    fn at(us: u64) -> SimTime {
+        SimTime::from_us(us)
+    }
+
+    /// Answers to samples every 4 ms, and where each frame ends.
+    fn answers(count: u64) -> (Vec<u8>, Vec<usize>) {
+        let mut encoder = Encoder::new(1, 1);
+        let (mut bytes, mut ends) = (Vec::new(), Vec::new());
+        for i in 1..=count {
+            let frame = ControlsFrame { time_us: 4000 * i, flags: 1, controls: [0.25; 16], mode: 129 };
+            encoder.encode(&actuator_controls(&frame), &mut bytes);
+            ends.push(bytes.len());
+        }
+        (bytes, ends)
+    }
+
+    fn times(bytes: &[u8]) -> Vec<u64> {
+        let mut decoder = Decoder::default();
+        decoder.push(bytes);
+        std::iter::from_fn(|| decoder.next_frame())
+            .map(|frame| match frame.from_fc() {
+                FromFc::Controls(controls) => controls.time_us,
+                other => panic!("{other:?}"),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn bytes_cut_anywhere_suffer_the_same() {
+        let (bytes, _) = answers(200);
+        let effect =
+            Direction { drop_share: 0.2, duplicate_share: 0.2, corrupt_share: 0.2, ..Direction::default() };
+        let through = |size: usize| {
+            let mut wire = Disruption::new(7);
+            assert!(!wire.set(&broken(effect)));
+            let mut out = Vec::new();
+            for part in bytes.chunks(size) {
+                let mut part = part.to_vec();
+                wire.carry_from_fc(&mut part, SimTime::ZERO, |_| {});
+                out.extend(part);
+            }
+            (out, wire.report())
+        };
+        let whole = through(bytes.len());
+        assert_ne!(whole.0, bytes);
+        for size in [1, 7, 93, 280] {
+            assert!(through(size) == whole, "pieces of {size}");
+        }
+    }
+
+    /// What is no frame passes; a sound wire has nothing more to say once all has arrived.
+    #[test]
+    fn noise_passes_and_the_end_of_a_fault_lets_go_of_everything() {
+        let (bytes, ends) = answers(2);
+        let mut wire = Disruption::new(1);
+        assert!(wire.is_clear() && wire.report().is_none());
+        let _ = wire.set(&broken(Direction { delay_s: 0.01, ..Direction::default() }));
+        let mut given = [&[1, 2, 3], &bytes[..ends[0] + 20]].concat();
+        wire.carry_from_fc(&mut given, at(0), |_| {});
+        assert_eq!(given, [1, 2, 3]);
+        let _ = wire.set(&WireEffect::default());
+        assert!(!wire.is_clear());
+        let mut late = Vec::new();
+        wire.carry_from_fc(&mut late, at(10_000), |_| {});
+        assert_eq!(late, bytes[..ends[0] + 20]);
+        assert!(wire.is_clear());
+    }
+
+    #[test]
+    fn without_jitter_none_overtakes_another_even_when_the_delay_shrinks() {
+        let (bytes, ends) = answers(2);
+        let mut wire = Disruption::new(1);
+        let _ = wire.set(&broken(Direction { delay_s: 0.02, ..Direction::default() }));
+        let mut first = bytes[..ends[0]].to_vec();
+        wire.carry_from_fc(&mut first, at(4000), |_| {});
+        let _ = wire.set(&broken(Direction { delay_s: 0.001, ..Direction::default() }));
+        let mut second = bytes[ends[0]..].to_vec();
+        wire.carry_from_fc(&mut second, at(8000), |_| {});
+        assert!(first.is_empty() && second.is_empty());
+        let mut out = Vec::new();
+        wire.carry_from_fc(&mut out, at(23_999), |_| {});
+        assert!(out.is_empty());
+        wire.carry_from_fc(&mut out, at(24_000), |_| {});
+        assert_eq!(times(&out), [4000, 8000]);
+    }
+
+    #[test]
+    fn a_wire_that_breaks_loses_what_is_on_it() {
+        let (bytes, _) = answers(5);
+        let mut wire = Disruption::new(1);
+        let _ = wire.set(&broken(Direction { delay_s: 0.02, ..Direction::default() }));
+        let mut heard = 0;
+        wire.carry_from_fc(&mut bytes.clone(), at(0), |sample| heard += u64::from(!sample.lost));
+        assert_eq!(heard, 5);
+        let _ = wire.set(&broken(Direction { disconnected: true, ..Direction::default() }));
+        let mut out = [&bytes[..], &[9, 9]].concat();
+        wire.carry_from_fc(&mut out, at(30_000), |sample| assert!(sample.lost));
+        assert!(out.is_empty());
+        assert_eq!(wire.report().unwrap().from_fc.dropped, 10);
+    }
+
+    #[test]
+    fn what_is_under_way_is_bounded() {
+        let (bytes, _) = answers(1000);
+        let mut wire = Disruption::new(1);
+        let forever = Direction { delay_s: 1e9, duplicate_share: 1.0, ..Direction::default() };
+        let _ = wire.set(&broken(forever));
+        (0..20).for_each(|_| wire.carry_from_fc(&mut bytes.clone(), at(0), |_| {}));
+        assert!(wire.from_fc.under_way.len() <= UNDER_WAY + 1);
+        assert!(wire.report().unwrap().from_fc.dropped > 0);
+    }
+
+    #[test]
+    fn a_controller_boots_once_at_a_reboot_and_when_its_power_is_back() {
+        let mut wire = Disruption::new(1);
+        let fc =
+            |reboots, brown_out| WireEffect { fc: FcEffect { reboots, brown_out }, ..WireEffect::default() };
+        let told: Vec<bool> =
+            [(true, false), (true, false), (false, false), (false, true), (false, true), (false, false)]
+                .map(|(reboots, brown_out)| wire.set(&fc(reboots, brown_out)))
+                .to_vec();
+        assert_eq!(told, [true, false, false, false, false, true]);
+    }
+}

@@ -12,6 +12,8 @@ pub mod link;
 pub mod mavlink;
 pub mod port;
 mod serial;
+
+// What becomes of them on a bad wire.
 pub mod disruption;
 
 // What may be asked of a bench.

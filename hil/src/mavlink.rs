@@ -395,9 +395,7 @@ fn candidate(bytes: &[u8]) -> Candidate {
 /// Where a whole frame stands behind one whose end has not arrived.
 fn whole_behind(bytes: &[u8]) -> Option<usize> {
     (1..bytes.len()).find(|&i| match candidate(&bytes[i..]) {
-        Candidate::Whole { length } => {
-            bytes.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
-        }
+        Candidate::Whole { length } => bytes.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2)),
         _ => false,
     })
 }

@@ -203,8 +203,16 @@ pub fn airframe(vehicle: &Vehicle, hop: &Hop) -> Result<Airframe, Invalid> {
     let lander = Lander::of(vehicle, &budget.at_hover);
     lander.refuse()?;
     let tuning = Tuning::of(&lander);
-    let parameters =
-        |target| parameters::list(&parameters::Facts { vehicle, lander: &lander, tuning: &tuning, budget: &budget, outputs: &outputs, target });
+    let parameters = |target| {
+        parameters::list(&parameters::Facts {
+            vehicle,
+            lander: &lander,
+            tuning: &tuning,
+            budget: &budget,
+            outputs: &outputs,
+            target,
+        })
+    };
     Ok(Airframe {
         vehicle: vehicle.name.clone(),
         sitl: parameters(Target::Sitl),

@@ -267,7 +267,7 @@ fn writes_that_are_not_taken() {
     // Nobody reads the master's end: 77 bytes at 1 kHz fill every queue on the way within a second.
     let port = Terminal::new();
     let report =
-        doctor(&["--fc", &port.link(), "--profile", "generic", "--sensor-hz", "1000", "--listen-s", "3"]);
+        doctor(&["--fc", &port.link(), "--profile", "generic", "--sensor-hz", "1000", "--listen-s", "4"]);
     report.warning("not_taken");
 }
 
@@ -379,7 +379,7 @@ fn clock_jumps() {
         &GENERIC,
         flying(DISARMED, |tick| Some(controls(5000 * (tick % 50 + 1), DISARMED, swaying(tick)))),
     );
-    assert!(report.warning("clock_jumps").contains("-0.245"), "{}", report.text);
+    assert!(report.warning("clock_jumps").contains("-0.2"), "{}", report.text);
 }
 
 #[test]

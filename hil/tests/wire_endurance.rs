@@ -74,7 +74,7 @@ fn lockstep_outlives_loss_delay_and_duplication() {
             [fault(way, "drop", SHARE), fault(way, "duplicate", SHARE), fault(way, "delay", 2.0e-3)]
         })
         .collect();
-    let scenario = peer::scenario(&[&format!("fault = [{}]", faults.join(", "))]);
+    let scenario = peer::scenario(&[&format!("fault = [{}]", faults.join(", ")), "fc_timeout_ms=10000"]);
     let instruments = Instrumentation { imu_rate_hz: Some(1e6 / STEP_US as f64), gnss_delay_s: None };
     let options = Options { lockstep_timeout: Duration::from_millis(3), ..lockstep(&PX4_SITL) };
 

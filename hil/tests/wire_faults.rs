@@ -120,14 +120,18 @@ fn wire_from_fc_drop() {
     assert_share(dropped, 1000, 0.1);
     // One may be under way when the run is stopped; what came too late was not waited for.
     let spared = 1 + report.link.unwrap().stalls - stalls.lost_by_fault;
-    assert!((dropped - spared.min(dropped)..=dropped).contains(&stalls.lost_by_fault), "{dropped} {stalls:?}");
+    assert!(
+        (dropped - spared.min(dropped)..=dropped).contains(&stalls.lost_by_fault),
+        "{dropped} {stalls:?}"
+    );
     // The gaps in the controller's counter tell the same.
     assert!(report.link.unwrap().lost.abs_diff(dropped) <= 2, "{:?}", report.link);
 }
 
 /// Run time of the event `armed`, of which there must be one, when each sample from `armed_us` on is answered armed (s).
 fn armed_s(overrides: &[&str], armed_us: u64) -> (f64, Report) {
-    let report = run(&scenario(overrides), patient(Duration::from_secs(5)), |fc| {
+    let overrides = [overrides, &["fc_timeout_ms=10000"]].concat();
+    let report = run(&scenario(&overrides), patient(Duration::from_secs(5)), |fc| {
         fc.idle_until(armed_us - SAMPLE_US);
         loop {
             let time_us = fc.sensor();
@@ -177,7 +181,9 @@ fn a_delay_is_in_the_round_trip() {
 #[test]
 fn a_delay_beyond_the_timeout_is_a_loss_in_lockstep_too() {
     let report = flown(
-        &["fault = [{component = \"wire_from_fc\", mode = \"delay\", value = 0.5, at_event = \"phase:hover\"}]"],
+        &[
+            "fault = [{component = \"wire_from_fc\", mode = \"delay\", value = 0.5, at_event = \"phase:hover\"}]",
+        ],
         lockstep(&GENERIC),
         |_| false,
     );

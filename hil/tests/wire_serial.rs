@@ -161,7 +161,8 @@ fn a_board_that_reboots_on_the_pad_goes_on_where_it_was() {
             let time_us = board.sensor_us();
             board.controls(time_us, 0x21, [0.0; 4]);
         }
-        assert!(before_us > 2_000_000, "{before_us}");
+        // A busy machine may be behind, but its clock has gone on.
+        assert!(before_us > 1_000_000, "{before_us}");
     });
     // Nothing was armed: nobody is lost, and a counter that begins anew is no gap.
     assert!(!has_event(&report, "fc_lost"), "{:#?}", report.events);
@@ -182,25 +183,22 @@ fn a_board_that_leaves_the_loop_in_flight_gets_no_more_samples_and_is_replaced()
         }
         board.say(&heartbeat(0x81)); // armed, without the HIL flag
         // The samples that were under way end, while its controls go on.
-        let quiet = (0..200).any(|_| {
+        let (mut last_sample, deadline) = (Instant::now(), Instant::now() + Duration::from_secs(10));
+        while last_sample.elapsed() < Duration::from_millis(500) {
+            assert!(Instant::now() < deadline, "samples go on");
             board.controls(0, 0x81, [0.5, 0.0, 0.0, 0.0]);
             std::thread::sleep(Duration::from_millis(20));
             let mut bytes = Vec::new();
             board.port.read(&mut bytes);
             board.decoder.push(&bytes);
-            let frames = std::iter::from_fn(|| board.decoder.next_frame());
-            !frames.filter_map(|frame| frame.message()).any(|m| matches!(m, MavMessage::HIL_SENSOR(_)))
-        });
-        assert!(quiet);
-        for _ in 0..20 {
-            std::thread::sleep(Duration::from_millis(20));
-            let mut bytes = Vec::new();
-            board.port.read(&mut bytes);
-            board.decoder.push(&bytes);
             while let Some(frame) = board.decoder.next_frame() {
-                assert_eq!(frame.message_id, 0, "nothing but heartbeats");
+                if matches!(frame.message(), Some(MavMessage::HIL_SENSOR(_))) {
+                    last_sample = Instant::now();
+                }
             }
         }
+        // Heartbeats go on: it may come back.
+        assert_eq!(board.hear(|message| Some(matches!(message, MavMessage::HEARTBEAT(_)))), Some(true));
     });
     assert!(has_event(&report, "handover"), "{:#?}", report.events);
 }

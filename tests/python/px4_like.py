@@ -10,7 +10,7 @@ throttle estimator, failsafes and pre-flight checks.
 
 State comes from HIL_SENSOR, HIL_GPS and DISTANCE_SENSOR alone, never from HIL_STATE_QUATERNION.
 
-    mission = Hop(height_m=10, hold_s=8)                        # or UdpApi(14540): a ground station commands it
+    mission = Hop(height_m=10, hold_s=8)                        # or UdpApi(port): `tools/px4_mission.py` commands it
     Px4Like(read_parameters("hopbench_sitl.params")).fly("127.0.0.1", 4560, mission)
 """
 
@@ -27,7 +27,7 @@ BOOT_GAP_US = 200_000
 ALIGNMENT_S = 3.0
 # Firmware defaults of what the parameter file leaves alone.
 DEFAULTS = {"LNDMC_Z_VEL_MAX": 0.25, "LNDMC_XY_VEL_MAX": 1.5, "LNDMC_ROT_MAX": 20.0, "LNDMC_TRIG_TIME": 1.0}
-DEFAULTS |= {"MPC_THR_XY_MARG": 0.3, "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "MC_YR_INT_LIM": 0.3}
+DEFAULTS |= {"MPC_THR_XY_MARG": 0.3, "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "MPC_VELD_LP": 5.0}
 # Modes: main and sub number.
 HOLD, TAKEOFF, LAND, OFFBOARD = (4, 3), (4, 2), (4, 6), (6, 0)
 
@@ -85,6 +85,7 @@ class Estimator:
         self.force, self.field, self.bias, self.pressure = [0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0
         self.rate, self.q, self.v, self.p = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3
         self.acceleration, self.trim, self.origin = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self.derivative_s, self.derivative, self.last_velocity = 1.0 / (2 * math.pi * parameters["MPC_VELD_LP"]), [0.0] * 3, [0.0] * 3
         self.range_rest_m, self.range_m, self.range_us = None, None, 0
         self.ready = self.moving = False
 
@@ -115,6 +116,9 @@ class Estimator:
         self.v = add(self.v, self.acceleration, dt)
         if m.fields_updated & 0x1A00 == 0x1A00:  # 8.3 m a hPa near the ground
             self.p[2] += 0.01 * (8.33 * (m.abs_pressure - self.pressure) + turned(self.q, self.arm["IMU"])[2] - self.p[2])
+        change = [d / dt for d in add(self.velocity, self.last_velocity, -1.0)]
+        self.last_velocity = self.velocity
+        self.derivative = add(self.derivative, add(change, self.derivative, -1.0), 1.0 - math.exp(-dt / self.derivative_s))
         return dt
 
     def level(self):
@@ -221,7 +225,7 @@ class Px4Like:
         self.estimate = Estimator(parameters, math.radians(declination_deg))
         self.armed, self.mode, self.landed, self.now_s, self.armed_s, self.landed_s = False, HOLD, True, 0.0, None, None
         self.target, self.target_yaw, self.throttle, self.flown = [0.0] * 3, 0.0, 0.0, False
-        self.events = []
+        self.events, self.answer = [], [0.0] * 16
         self.reset()
 
     def reset(self):
@@ -266,6 +270,9 @@ class Px4Like:
         p, here = self.p, self.estimate.position
         if self.axes is None:
             self.axes = [Axis(x) for x in here]
+        if self.mode == OFFBOARD:  # setpoints go straight to the controller
+            self.axes = [Axis(x) for x in (self.target if dt else here)]
+            return [a.x for a in self.axes], [0.0] * 3, [0.0] * 3, p["MPC_Z_VEL_MAX_UP"]
         north, east, down = self.axes
         jerk, height_m = p["MPC_JERK_AUTO"], self.estimate.height_m
         lateral_error = math.hypot(north.x - here[0], east.x - here[1])
@@ -315,7 +322,7 @@ class Px4Like:
         gains = [("XY", 0), ("XY", 1), ("Z", 2)]
         wanted = [
             a[i] * (flying or 0) + p[f"MPC_{n}_VEL_P_ACC"] * error[i] + self.v_int[i]
-            - p[f"MPC_{n}_VEL_D_ACC"] * self.estimate.acceleration[i] for n, i in gains
+            - p[f"MPC_{n}_VEL_D_ACC"] * self.estimate.derivative[i] for n, i in gains
         ]
         if not flying:
             wanted[:2] = [0.0, 0.0]
@@ -438,11 +445,11 @@ class Px4Like:
                     for m in wire.parse_buffer(data) or []:
                         if m.get_type() == "HIL_SENSOR" and m.id == 0:
                             first_us = first_us or m.time_usec
-                            answer = self.controls(m)
+                            self.answer = self.controls(m)
                             commander.step(self)
                             if m.time_usec - first_us > BOOT_GAP_US:
                                 mode = 129 if self.armed else 1
-                                send(mavlink.MAVLink_hil_actuator_controls_message(m.time_usec, answer, mode, 1))
+                                send(mavlink.MAVLink_hil_actuator_controls_message(m.time_usec, self.answer, mode, 1))
                         elif m.get_type() == "HIL_GPS":
                             self.estimate.on_gps(m)
                         elif m.get_type() == "DISTANCE_SENSOR":
@@ -466,3 +473,81 @@ class Hop:
         elif self.stage == "hold" and fc.now_s - self.top_s > self.hold_s:
             fc.land()
             self.stage = "down"
+
+
+class UdpApi:
+    """PX4's API link, as much of it as `tools/px4_mission.py` uses: telemetry to a port, commands from it. Times are
+    simulated, so it serves at any speed; while it has heard no ground station it does not arm."""
+
+    def __init__(self, port):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+        self.to = ("127.0.0.1", port)
+        self.wire = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.samples, self.said, self.height_m, self.ground_stations = 0, 0, 10.0, 0
+        self.setpoint_s = -math.inf
+
+    def send(self, name, *values):
+        try:
+            self.socket.sendto(getattr(mavlink, f"MAVLink_{name}_message")(*values).pack(self.wire), self.to)
+        except OSError:  # nobody listens yet
+            pass
+
+    def step(self, fc):
+        self.samples += 1
+        while True:
+            try:
+                data = self.socket.recv(65536)
+            except OSError:
+                break
+            for m in self.wire.parse_buffer(data) or []:
+                getattr(self, "on_" + m.get_type().lower(), lambda m, fc: None)(m, fc)
+        if fc.mode == OFFBOARD and fc.now_s - self.setpoint_s > fc.p["COM_OF_LOSS_T"]:
+            fc.say("Offboard control lost")
+            fc.land()
+        if self.samples % 25 == 0 or len(fc.events) > self.said:  # 10 Hz, and what is said at once
+            self.tell(fc)
+
+    def tell(self, fc):
+        ms, e = int(fc.now_s * 1e3), fc.estimate
+        (x, y, z), v = e.position, e.velocity
+        self.send("local_position_ned", ms, x, y, z, *v)
+        self.send("global_position_int", ms, 0, 0, int((3.0 - z) * 1e3), int(-z * 1e3), 0, 0, 0, 0)
+        self.send("attitude", ms, 0, 0, e.yaw, *e.rate)
+        mode = 1 | (128 if fc.armed else 0)
+        self.send("heartbeat", 2, mavlink.MAV_AUTOPILOT_PX4, mode, fc.mode[0] << 16 | fc.mode[1] << 24, 4, 3)
+        healthy = 0x10000000 if e.ready and self.ground_stations else 0
+        self.send("sys_status", 0, 0, healthy, 0, 16000, -1, 70, 0, 0, 0, 0, 0, 0)
+        self.send("extended_sys_state", 0, 1 if fc.landed else 2)
+        for _, text in fc.events[self.said :]:
+            self.send("statustext", 6, text.encode())
+        self.said = len(fc.events)
+
+    def on_heartbeat(self, m, fc):
+        self.ground_stations += m.type == mavlink.MAV_TYPE_GCS
+
+    def on_param_set(self, m, fc):
+        if m.param_id == "MIS_TAKEOFF_ALT":
+            self.height_m = m.param_value
+            self.send("param_value", b"MIS_TAKEOFF_ALT", m.param_value, 9, 1, 0)
+
+    def on_set_position_target_local_ned(self, m, fc):
+        self.setpoint_s = fc.now_s
+        if fc.mode == OFFBOARD:
+            fc.target, fc.target_yaw = [m.x, m.y, m.z], m.yaw
+
+    def on_command_long(self, m, fc):
+        done = True
+        if m.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+            done = bool(self.ground_stations) and fc.arm()
+        elif m.command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            done = fc.armed
+            fc.take_off(self.height_m)
+        elif m.command == mavlink.MAV_CMD_NAV_LAND:
+            fc.land()
+        elif m.command == mavlink.MAV_CMD_DO_SET_MODE and m.param2 == OFFBOARD[0]:
+            done = fc.now_s - self.setpoint_s < fc.p["COM_OF_LOSS_T"]
+            fc.mode = OFFBOARD if done else fc.mode
+        else:
+            done = False
+        self.send("command_ack", m.command, mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_TEMPORARILY_REJECTED)

@@ -1,6 +1,7 @@
 """Hostile and broken peers: the bench stays alive, names what is wrong, keeps its memory, and flies or hands over."""
 
 import math
+import socket
 import time
 
 import pytest
@@ -100,8 +101,8 @@ def test_a_flood_in_real_time_does_not_stop_the_clock(bench):
     last_us = first_us
     while (message := run._poll()) is not None:  # what has come meanwhile
         last_us = message.time_usec if message.get_type() == "HIL_SENSOR" else last_us
-    # Two seconds of flood; a busy machine may halve the pace, a flooded bench would stand still.
-    assert last_us - first_us > 1_000_000
+    # Two seconds of flood; a busy machine may slow the pace, a flooded bench would stand still.
+    assert last_us - first_us > 500_000
     assert high_water_kb(run) < MEMORY_KB and run.process.poll() is None
 
 
@@ -146,8 +147,8 @@ def test_a_controller_that_vanishes_in_flight_is_handed_over(bench):
 
 
 def test_a_slow_reader_costs_frames_and_not_memory(bench):
-    # One minute on the pad as fast as answers come: it answers without reading, 10 bytes a second are all it takes.
-    run = bench("hover_5m", fc="tcp-listen", profile="generic", connect=False, sets={"arm_wait_s": 60}, **LOCKSTEP_FAST)
+    # 150 s on the pad as fast as answers come: it answers without reading, 10 bytes a second are all it takes.
+    run = bench("hover_5m", fc="tcp-listen", profile="generic", connect=False, sets={"arm_wait_s": 150}, **LOCKSTEP_FAST)
     client, nasty, highest_kb, read_s = tcp_client(run.ready["fc"], receive_buffer=4096), Fuzz(5), 0, 0.0
     frame = nasty.controls(0.0, time_usec=0)  # 0 answers any sample
     deadline_s = time.monotonic() + 60.0
@@ -162,7 +163,7 @@ def test_a_slow_reader_costs_frames_and_not_memory(bench):
         time.sleep(0.0002)
     result = run.result(timeout_s=30.0)
     assert result.json["outcome"] == "timeout" and result.code == 1
-    assert result.json["link"]["dropped"] > 1000  # 60 s of the generic profile are 2.5 MB
+    assert result.json["link"]["dropped"] > 1000  # 6 MB of the generic profile, 2 to 4 MB of room in the system
     assert 0 < highest_kb < MEMORY_KB
     client.close()
 
@@ -195,7 +196,7 @@ def test_a_storm_of_connections_leaves_the_bench_to_the_one_that_stays(bench):
     assert result.stderr.count("\n") < 2000
 
 
-@pytest.mark.parametrize("fc", ["udp", "tcp-listen"])
+@pytest.mark.parametrize("fc", ["udp-listen", "tcp-listen"])
 def test_a_second_client_in_flight_is_turned_away_and_flies_nothing(bench, fc):
     run = bench("hover_5m", fc=fc, **LOCKSTEP_FAST)
     nasty, strangers = Fuzz(7, armed=True), []
@@ -216,12 +217,10 @@ def test_a_second_client_in_flight_is_turned_away_and_flies_nothing(bench, fc):
 
 def knock(run, fc, nasty, strangers):
     """Somebody else, who would cut the engine."""
-    import socket
-
-    if fc == "udp":
-        bench_port = run.connection.last_address
+    if fc == "udp-listen":
+        _, host, port = run.ready["fc"].rsplit(":", 2)
         stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        stranger.sendto(nasty.controls(0.0), bench_port)
+        stranger.sendto(nasty.controls(0.0), (host, int(port)))
     else:
         stranger = tcp_client(run.ready["fc"])
         try:

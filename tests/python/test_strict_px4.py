@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 
 import pytest
-from hopbench_bench import ROOT, Bench, hopbench_binary, mavlink, run_hopbench
+from hopbench_bench import ROOT, Bench, hopbench_binary, mavlink
 from strict_px4 import ACCEL, BARO, GYRO, MAG, RESET_MARK, RULES, StrictPx4
 
 # ---------------------------------------------------------------------------------------------------- streams of our own
@@ -351,19 +351,12 @@ def answer_of(frame):
     return struct.unpack_from("<Q", payload)[0], bool(payload[80] & 128)
 
 
-def interlock():
-    """The flag by which px4-hitl is told that no igniter is connected, where the bench asks for it."""
-    return ["--igniter-disconnected"] if "--igniter-disconnected" in run_hopbench("hil", "--help").stdout else []
-
-
 @contextmanager
 def strict_bench(scenario, fc, profile, **options):
     """A bench, and the strict peer that belongs to it."""
     lockstep = options.get("lockstep", False)
-    extra = interlock() if profile == "px4-hitl" else []
-    if lockstep:  # PX4's own poll timeout; a busy machine is no stall
-        extra += ["--lockstep-timeout-ms", "1000"]
-    with Bench(scenario, fc=fc, profile=profile, extra=extra, sets={"fc_timeout_ms": 5000} if lockstep else {}, **options) as bench:
+    extra = ["--lockstep-timeout-ms", "10000"] if lockstep else []  # a busy machine is no stall
+    with Bench(scenario, fc=fc, profile=profile, extra=extra, sets={"fc_timeout_ms": 30000} if lockstep else {}, **options) as bench:
         yield bench, StrictPx4(profile, lockstep=lockstep, realtime=not lockstep)
 
 

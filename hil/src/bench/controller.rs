@@ -36,9 +36,9 @@ pub(super) struct FlightController {
     pub(super) awaited: Option<Sample>,
     pub(super) answered: bool,
     /// Newest sample that has reached it, as far as is known (us).
-    newest_us: u64,
+    pub(super) newest_us: u64,
     /// Time and counter of its last controls.
-    last: Option<(u64, u8)>,
+    pub(super) last: Option<(u64, u8)>,
     /// It was in the loop, and says that it no longer is.
     pub(super) left_the_loop: bool,
     /// What it commanded last, whether or not it is obeyed.
@@ -167,7 +167,7 @@ impl Bench<'_> {
                     return;
                 }
             };
-        let (now, on_wire, now_ns) = (self.flight.time(), self.wire_time(), now_ns());
+        let (now, now_ns) = (self.flight.time(), now_ns());
         if self.fc.first.is_none() {
             self.fc.first = Some(now);
             self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));

@@ -1,5 +1,6 @@
 //! Waits in lockstep that ran into their limit: counted, and named within a second however many there are.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use hopbench::simulation::report::Stalled;
@@ -8,7 +9,7 @@ use hopbench::time::SimTime;
 /// Least time between two notices, and longest that a stall waits for its own.
 pub(super) const NAMED_WITHIN: Duration = Duration::from_secs(1);
 /// Stalls whose answer may still come.
-const REMEMBERED: usize = 64;
+const REMEMBERED: usize = 4096;
 
 /// A wait in vain.
 #[derive(Clone, Copy, Debug)]
@@ -28,8 +29,8 @@ pub(super) struct Stall {
 pub(super) struct Stalls {
     count: u64,
     figures: Stalled,
-    /// Their samples' times on the wire; 0: none, or answered since.
-    samples_us: [u64; REMEMBERED],
+    /// Times on the wire of the samples not answered since.
+    samples_us: BTreeSet<u64>,
     /// Since the last notice, when that was, and the newest.
     unnamed: u64,
     named_ns: Option<u64>,
@@ -41,7 +42,7 @@ impl Stalls {
         Self {
             count: 0,
             figures: Stalled::default(),
-            samples_us: [0; REMEMBERED],
+            samples_us: BTreeSet::new(),
             unnamed: 0,
             named_ns: None,
             newest: String::new(),
@@ -58,7 +59,10 @@ impl Stalls {
         if self.is_first() {
             self.figures.first_s = stall.now.s();
         }
-        self.samples_us[self.count as usize % REMEMBERED] = stall.sample_us;
+        if self.samples_us.len() >= REMEMBERED {
+            self.samples_us.pop_first();
+        }
+        self.samples_us.insert(stall.sample_us);
         self.count += 1;
         self.figures.last_s = stall.now.s();
         self.figures.lost_by_fault += u64::from(stall.by_fault);
@@ -70,12 +74,7 @@ impl Stalls {
 
     /// An answer to a sample, which may have been given up.
     pub(super) fn answered(&mut self, sample_us: u64) {
-        if sample_us > 0
-            && let Some(given_up) = self.samples_us.iter_mut().find(|us| **us == sample_us)
-        {
-            *given_up = 0;
-            self.figures.answered_late += 1;
-        }
+        self.figures.answered_late += u64::from(self.samples_us.remove(&sample_us));
     }
 
     /// What is to be said of the stalls since the last notice, if one is due.

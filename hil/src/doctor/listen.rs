@@ -16,7 +16,7 @@ use crate::mavlink::{ControlsFrame, Decoder, Frame, FromFc, MODE_ARMED, MODE_HIL
 use crate::profile::{Heartbeat, Profile, SensorRates};
 use crate::stream::Streams;
 
-/// A jump of the controller's clock against this machine's: more than any queue on the way explains (s).
+/// A jump of the controller's clock ahead of this machine's: more than any queue on the way explains (s).
 const JUMP_S: f64 = 0.5;
 /// Bytes kept to show what speaks.
 const FIRST_BYTES: usize = 256;
@@ -132,11 +132,12 @@ impl super::ControlsSeen {
         }
         let its_s = frame.time_us as f64 * 1e-6;
         if let Some((its_last_s, last_s)) = *clock {
-            let jump_s = (its_s - its_last_s) - (now_s - last_s);
             let back = its_s < its_last_s;
-            if back || jump_s.abs() > JUMP_S {
+            let ahead_s = (its_s - its_last_s) - (now_s - last_s);
+            // A clock that seems to stand still is a frame that was late.
+            if back || ahead_s > JUMP_S {
                 self.jumps += 1;
-                let jump_s = if back { its_s - its_last_s } else { jump_s };
+                let jump_s = if back { its_s - its_last_s } else { ahead_s };
                 if jump_s.abs() > self.worst_jump_s.abs() {
                     self.worst_jump_s = jump_s;
                 }

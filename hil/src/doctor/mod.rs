@@ -35,7 +35,7 @@ const AUTOPILOT_INVALID: u8 = 8;
 /// MAV_COMP_ID_AUTOPILOT1
 const AUTOPILOT_COMPONENT: u8 = 1;
 /// Who the bench speaks as.
-const OWN_SENDER: (u8, u8) = (crate::stream::SYSTEM_ID, crate::stream::COMPONENT_ID);
+const OWN_SENDER: (u8, u8) = (crate::stream::ADDRESS.system, crate::stream::ADDRESS.component);
 
 /// All that was seen on one link.
 #[derive(Clone, Debug)]

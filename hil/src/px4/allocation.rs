@@ -51,7 +51,11 @@ pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     }
     functions.sort_unstable();
     let sign = |channel: &Channel| f64::from(channel.polarity);
-    Ok(Outputs { functions, polarity: [sign(&c.gimbal_x), sign(&c.gimbal_y), sign(&c.rcs_roll)], two_roll_channels })
+    Ok(Outputs {
+        functions,
+        polarity: [sign(&c.gimbal_x), sign(&c.gimbal_y), sign(&c.rcs_roll)],
+        two_roll_channels,
+    })
 }
 
 /// Whether PX4 sends what the channel takes: motors 0 to 1, servos -1 to 1.
@@ -60,6 +64,7 @@ fn sends(name: &str, channel: &Channel, range: [f64; 2]) -> Result<(), Invalid> 
         return Ok(());
     }
     let ([low, high], [from, to]) = (channel.range, range);
-    let message = format!("[{low}, {high}]: PX4 sends {from} to {to} on this channel; allowed [{from:.1}, {to:.1}]");
+    let message =
+        format!("[{low}, {high}]: PX4 sends {from} to {to} on this channel; allowed [{from:.1}, {to:.1}]");
     Err(Invalid::new(format!("controls.channels.{name}.range"), message))
 }

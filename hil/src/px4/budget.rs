@@ -129,7 +129,13 @@ fn contents(vehicle: &Vehicle, nitrous_kg: f64, port_radius_m: f64) -> Contents 
 pub fn spend(vehicle: &Vehicle, hop: &Hop) -> Result<Budget, Invalid> {
     let mut last = None;
     for [climb_m_s, sink_m_s] in SPEEDS_M_S {
-        let pace = Pace { climb_m_s, sink_m_s, land_m_s: LAND_M_S, slow_from_m: SLOW_FROM_M, land_from_m: LAND_FROM_M };
+        let pace = Pace {
+            climb_m_s,
+            sink_m_s,
+            land_m_s: LAND_M_S,
+            slow_from_m: SLOW_FROM_M,
+            land_from_m: LAND_FROM_M,
+        };
         let budget = at_pace(vehicle, hop, pace);
         if budget.longest_hold_s >= hop.hold_s {
             return Ok(budget);

@@ -59,7 +59,10 @@ fn script(airframe: &Airframe, target: Target) -> String {
         Target::Sitl => "SITL",
         Target::Hitl => "HITL",
     };
-    let mut text = format!("#!/bin/sh\n#\n# @name Hopbench {} {kind}\n#\n# @type Rocket\n# @class Copter\n#\n", airframe.vehicle);
+    let mut text = format!(
+        "#!/bin/sh\n#\n# @name Hopbench {} {kind}\n#\n# @type Rocket\n# @class Copter\n#\n",
+        airframe.vehicle
+    );
     text += &heading(airframe);
     text += "\n. ${R}etc/init.d/rc.mc_defaults\n\n";
     let mut last = "";
@@ -77,7 +80,8 @@ fn script(airframe: &Airframe, target: Target) -> String {
 
 /// A parameter file as QGroundControl reads it: vehicle, component, name, value and type between tabs.
 fn parameter_file(airframe: &Airframe, target: Target) -> String {
-    let mut text = "# Onboard parameters for Vehicle 1\n#\n# Stack: PX4 Pro\n# Vehicle: Multi-Rotor\n#\n".to_owned();
+    let mut text =
+        "# Onboard parameters for Vehicle 1\n#\n# Stack: PX4 Pro\n# Vehicle: Multi-Rotor\n#\n".to_owned();
     text += &heading(airframe);
     text += "#\n# Vehicle-Id Component-Id Name Value Type\n";
     let mut last = "";
@@ -119,7 +123,10 @@ pub fn budget(budget: &Budget) -> String {
         "fuel kg"
     );
     for leg in &budget.legs {
-        text += &format!("{:<18} {:>8.1} {:>8.2} {:>8.3}\n", leg.name, leg.duration_s, leg.nitrous_kg, leg.fuel_kg);
+        text += &format!(
+            "{:<18} {:>8.1} {:>8.2} {:>8.3}\n",
+            leg.name, leg.duration_s, leg.nitrous_kg, leg.fuel_kg
+        );
     }
     text + &format!(
         "{:<18} {:>8.1} {:>8.2} {:>8.3}\n{:<18} {:>8} {:>6.0} % {:>6.0} %\nLongest hover that leaves {:.0} % of both: {:.1} s.\n",

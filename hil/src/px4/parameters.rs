@@ -107,9 +107,17 @@ fn allocation(facts: &Facts<'_>, list: &mut List) {
     let outputs = facts.outputs;
     let rotors = if outputs.two_roll_channels { 3 } else { 1 };
     list.integer("CA_AIRFRAME", 9, "custom: pseudo-inverse, clipped, no normalisation of torques");
-    list.integer("CA_ROTOR_COUNT", rotors, "the engine; beside it the thrusters, where each way has a channel of its own");
+    list.integer(
+        "CA_ROTOR_COUNT",
+        rotors,
+        "the engine; beside it the thrusters, where each way has a channel of its own",
+    );
     for axis in ["PX", "PY", "PZ"] {
-        list.real(format!("CA_ROTOR0_{axis}"), 0.0, "exactly 0: anything else makes the allocator cancel a moment that is not there");
+        list.real(
+            format!("CA_ROTOR0_{axis}"),
+            0.0,
+            "exactly 0: anything else makes the allocator cancel a moment that is not there",
+        );
     }
     for (axis, value) in [("AX", 0.0), ("AY", 0.0), ("AZ", -1.0)] {
         list.real(format!("CA_ROTOR0_{axis}"), value, "thrust along FRD -z");
@@ -128,12 +136,17 @@ fn allocation(facts: &Facts<'_>, list: &mut List) {
         }
     }
     let servos = if outputs.two_roll_channels { 2 } else { 3 };
-    list.integer("CA_SV_CS_COUNT", servos, "gimbal about x and y; thrusters about z, where one channel moves both ways");
+    list.integer(
+        "CA_SV_CS_COUNT",
+        servos,
+        "gimbal about x and y; thrusters about z, where one channel moves both ways",
+    );
     for servo in 0..servos as usize {
         list.integer(format!("CA_SV_CS{servo}_TYPE"), 12, "custom");
         for (axis, letter) in ["R", "P", "Y"].into_iter().enumerate() {
             let value = if axis == servo { outputs.polarity[axis] } else { 0.0 };
-            let why = "servo = torque setpoint over this; 1 or, for polarity -1, -1: below 0.1 PX4 drops the row";
+            let why =
+                "servo = torque setpoint over this; 1 or, for polarity -1, -1: below 0.1 PX4 drops the row";
             list.real(format!("CA_SV_CS{servo}_TRQ_{letter}"), value, why);
         }
     }
@@ -179,9 +192,21 @@ fn attitude(facts: &Facts<'_>, list: &mut List) {
         list.real(format!("MC_{long}RATE_D"), gains.d, why);
         list.real(format!("MC_{long}RATE_K"), 1.0, "the gains stand as they are");
         list.real(format!("MC_{long}RATE_FF"), 0.0, "none");
-        list.real(format!("MC_{short}_INT_LIM"), gains.integral_limit, "0.15, and the trim of a centre of mass beside the axis");
-        list.real(format!("MC_{long}_P"), tuning.attitude_p_1_s[axis], "2.4 about x and y under a rate loop of 7 rad/s, 1 about z");
-        list.real(format!("MC_{long}RATE_MAX"), tuning.rate_max_deg_s[axis], "deg/s; what a full command brakes within the attitude loop");
+        list.real(
+            format!("MC_{short}_INT_LIM"),
+            gains.integral_limit,
+            "0.15, and the trim of a centre of mass beside the axis",
+        );
+        list.real(
+            format!("MC_{long}_P"),
+            tuning.attitude_p_1_s[axis],
+            "2.4 about x and y under a rate loop of 7 rad/s, 1 about z",
+        );
+        list.real(
+            format!("MC_{long}RATE_MAX"),
+            tuning.rate_max_deg_s[axis],
+            "deg/s; what a full command brakes within the attitude loop",
+        );
     }
 }
 
@@ -200,7 +225,8 @@ fn gyro_filter(tuning: &Tuning, list: &mut List) {
 fn thrust_and_velocity(facts: &Facts<'_>, list: &mut List) {
     let (lander, tuning) = (facts.lander, facts.tuning);
     let [hover, least, most] = tuning.throttle_hover_min_max;
-    let carried = format!("{:.1} kg at the start of the hover over {} N", lander.mass_kg, lander.thrust_rated_n);
+    let carried =
+        format!("{:.1} kg at the start of the hover over {} N", lander.mass_kg, lander.thrust_rated_n);
     list.real("MPC_THR_HOVER", hover, carried);
     list.real("MPC_THR_MIN", least, "least thrust of the lit engine over the rated one; in flight only");
     list.real("MPC_THR_MAX", most.min(1.0), "greatest thrust over the rated one");
@@ -234,7 +260,11 @@ fn pace(facts: &Facts<'_>, list: &mut List) {
     list.real("MPC_ACC_UP_MAX", up, "m/s²; at most 0.6 of what the engine has above the weight");
     list.real("MPC_ACC_DOWN_MAX", down, "m/s²; at most 0.6 of what the least thrust leaves below it");
     list.real("MPC_LAND_SPEED", pace.land_m_s, "m/s; contact at 0.6 flew");
-    list.real("MPC_LAND_CRWL", pace.land_m_s, "m/s; PX4's 0.3 with an altimeter would burn 2 s more over the last metre");
+    list.real(
+        "MPC_LAND_CRWL",
+        pace.land_m_s,
+        "m/s; PX4's 0.3 with an altimeter would burn 2 s more over the last metre",
+    );
     list.real("MPC_LAND_ALT1", pace.slow_from_m, "m; PX4's 10 would slow the whole descent");
     list.real("MPC_LAND_ALT2", pace.land_from_m, "m; PX4's 5 would cost some 5 s of burn more");
     list.real("MPC_TKO_RAMP_T", TAKEOFF_RAMP_S, "s; PX4's 3 would burn 2 s more on the pad");
@@ -250,7 +280,11 @@ fn pace(facts: &Facts<'_>, list: &mut List) {
     list.real("MPC_JERK_MAX", 2.0, "m/s³; as flown");
     list.real("MPC_XY_ERR_MAX", 5.0, "m; beyond this error PX4 neither climbs nor lands, and PX4's 2 is less than a gust and its GNSS wander");
     list.integer("MPC_YAW_MODE", 5, "heading fixed: turned toward a waypoint, a slow axis spirals");
-    list.real("MPC_YAWRAUTO_MAX", facts.tuning.rate_max_deg_s[2].min(20.0), "deg/s; as flown, or what the thrusters brake");
+    list.real(
+        "MPC_YAWRAUTO_MAX",
+        facts.tuning.rate_max_deg_s[2].min(20.0),
+        "deg/s; as flown, or what the thrusters brake",
+    );
 }
 
 fn estimator(facts: &Facts<'_>, list: &mut List) {
@@ -278,7 +312,11 @@ fn failsafes(list: &mut List) {
     list.real("COM_DISARM_PRFLT", 10.0, "s; disarms what was armed and not flown");
     list.real("COM_OF_LOSS_T", 1.0, "s without offboard setpoints");
     list.integer("COM_OBL_RC_ACT", 4, "then land: propellant is for one landing");
-    list.integer("COM_DL_LOSS_T", 10, "s without a ground station; times the speed factor when faster than real time");
+    list.integer(
+        "COM_DL_LOSS_T",
+        10,
+        "s without a ground station; times the speed factor when faster than real time",
+    );
     list.integer("NAV_DLL_ACT", 0, "and go on: a hop is shorter than a return");
     list.integer("NAV_RCL_ACT", 2, "without radio control land, outside the modes of COM_RCL_EXCEPT");
     list.integer("COM_RCL_EXCEPT", 7, "mission, hold and offboard need no radio control");
@@ -292,7 +330,11 @@ fn sitl(list: &mut List) {
 
 fn hitl(list: &mut List) {
     list.integer("SYS_HITL", 1, "sensors from the bench; needs a reboot");
-    list.integer("MAV_0_RATE", 0, "B/s: half of the baud rate over ten. PX4's 1200 is under the 5000 below which it sends no controls");
+    list.integer(
+        "MAV_0_RATE",
+        0,
+        "B/s: half of the baud rate over ten. PX4's 1200 is under the 5000 below which it sends no controls",
+    );
     list.integer("SER_TEL1_BAUD", 921_600, "the bench's own; 115200 carries no 250 Hz");
     list.integer("COM_RC_IN_MODE", 1, "no radio control is there");
     list.integer("COM_PREARM_MODE", 0, "no safety switch");

@@ -104,9 +104,7 @@ impl Tuning {
         let bandwidth = loop_shape.bandwidth_rad_s;
         let slower = bandwidth / RATE_BANDWIDTH_RAD_S;
         // The gimbal holds the thrust through a centre of mass beside the axis: offset y is trimmed about x.
-        let trim = |offset_m: f64| {
-            libm::atan(offset_m.abs() / lander.lever_m) / lander.gimbal_limit_rad
-        };
+        let trim = |offset_m: f64| libm::atan(offset_m.abs() / lander.lever_m) / lander.gimbal_limit_rad;
         let lateral = |axis: usize| {
             let p = bandwidth / effect[axis];
             RateGains {
@@ -117,7 +115,8 @@ impl Tuning {
             }
         };
         let yaw_p = YAW_BANDWIDTH_RAD_S / effect[2];
-        let yaw = RateGains { p: yaw_p, i: YAW_INTEGRAL_SHARE_1_S * yaw_p, d: 0.0, integral_limit: INTEGRAL_LIMIT };
+        let yaw =
+            RateGains { p: yaw_p, i: YAW_INTEGRAL_SHARE_1_S * yaw_p, d: 0.0, integral_limit: INTEGRAL_LIMIT };
         let attitude = [ATTITUDE_1_S * slower, ATTITUDE_1_S * slower, YAW_1_S];
         // A rate that the attitude loop brakes by itself: gain times rate within the full command's effect.
         let rate_max = |axis: usize| RATE_MAX_DEG_S[axis].min((effect[axis] / attitude[axis]).to_degrees());
@@ -185,7 +184,10 @@ impl RateLoop {
             return enough;
         }
         // Otherwise the shape that keeps the most bandwidth.
-        candidates.map(Self::slowed).max_by(|a, b| a.bandwidth_rad_s.total_cmp(&b.bandwidth_rad_s)).unwrap_or(base)
+        candidates
+            .map(Self::slowed)
+            .max_by(|a, b| a.bandwidth_rad_s.total_cmp(&b.bandwidth_rad_s))
+            .unwrap_or(base)
     }
 
     /// The same with as much bandwidth as the margins allow.
@@ -214,10 +216,12 @@ impl RateLoop {
     /// The loop at i w.
     fn at(&self, w: f64) -> Complex<f64> {
         let s = Complex::new(0.0, w);
-        let second_order = |w0: f64, damping: f64| Complex::from(w0 * w0) / (s * s + s * (2.0 * damping * w0) + w0 * w0);
+        let second_order =
+            |w0: f64, damping: f64| Complex::from(w0 * w0) / (s * s + s * (2.0 * damping * w0) + w0 * w0);
         let differential = s * self.differential_s / (s / (TAU * DIFFERENTIAL_CUTOFF_HZ) + 1.0);
         let delay = Complex::new(libm::cos(w * self.dead_time_s), -libm::sin(w * self.dead_time_s));
-        (differential + 1.0) / s * self.bandwidth_rad_s
+        (differential + 1.0) / s
+            * self.bandwidth_rad_s
             * second_order(self.servo_rad_s, self.servo_damping)
             * (s * s * self.swing_s2 + 1.0)
             * second_order(TAU * self.gyro_cutoff_hz, core::f64::consts::FRAC_1_SQRT_2)
