@@ -376,6 +376,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn pause_speed_and_reset_are_neither_late_nor_unaccounted_for() {
+        let mut clock = RealTime::from_now(0, 1000);
+        clock.tie(0);
+        let run = |clock: &mut RealTime, ms: std::ops::RangeInclusive<u64>| {
+            ms.for_each(|ms| clock.wait_until(ms * 1000));
+        };
+        run(&mut clock, 1..=5);
+        sleep_until_ns(now_ns() + 80_000_000);
+        clock.go_on(5000, 5000);
+        clock.set_speed(2.0, 5000);
+        run(&mut clock, 6..=25);
+        // 20 ms at twice the speed take 10.
+        clock.go_on(25_000, 0);
+        run(&mut clock, 1..=5);
+        let account = clock.balance().unwrap();
+        // 5 ms, 10 ms and 2.5 ms; a microsecond for what is rounded.
+        assert!(account.simulated_ns.abs_diff(17_500_000) < 1000, "{account:?}");
+        assert!(account.unaccounted_ns().abs() < 1000, "{account:?}");
+    }
+
+    #[test]
     fn deadlines_do_not_drift_and_lateness_is_never_negative() {
         let mut clock = RealTime::from_now(4000, 1000);
         let start_ns = clock.deadline_ns(4000);

@@ -1,5 +1,7 @@
 //! What a flight controller and a ground station ask of the bench, and what they get: over links in memory.
 
+#![allow(clippy::disallowed_methods)] // a test reads the documentation
+
 mod peer;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,6 +24,13 @@ use peer::{Fc, Then, lockstep, run, scenario};
 
 const FC_SIDE: (u8, u8) = (1, 200);
 const GROUND_SIDE: (u8, u8) = (GROUND_ADDRESS.system, GROUND_ADDRESS.component);
+
+/// A machine under load answers late; that is not what these tests are about.
+const PATIENT: &[&str] = &["fc_timeout_ms=10000"];
+
+fn patient() -> Options {
+    Options { lockstep_timeout: Duration::from_secs(5), ..lockstep(&GENERIC) }
+}
 
 fn command(to: (u8, u8), command: dialect::MavCmd, parameters: [f32; 3]) -> MavMessage {
     MavMessage::COMMAND_LONG(dialect::COMMAND_LONG_DATA {
@@ -90,7 +99,7 @@ fn set_and_read(fc: &mut Fc, name: &str, value: f32) -> f32 {
 
 #[test]
 fn a_pause_stops_time_and_steps_move_it() {
-    let report = run(&scenario(&[]), lockstep(&GENERIC), |fc| {
+    let report = run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(100_000);
         assert_eq!(ask(fc, dialect::MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, [0.0; 3]), 0);
         // What was on its way.
@@ -118,7 +127,7 @@ fn a_pause_stops_time_and_steps_move_it() {
 
 #[test]
 fn every_parameter_is_listed_read_by_index_and_name_and_set() {
-    let report = run(&scenario(&[]), lockstep(&GENERIC), |fc| {
+    let report = run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
         let all = parameters();
         fc.send(&list(FC_SIDE));
@@ -161,7 +170,7 @@ fn every_parameter_is_listed_read_by_index_and_name_and_set() {
 /// Each row of the catalogue is set and taken away by its parameter; what acts is what was asked for.
 #[test]
 fn every_fault_comes_and_goes_by_its_parameter() {
-    run(&scenario(&["fc_timeout_ms=10000"]), lockstep(&GENERIC), |fc| {
+    run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
         for (row, parameter) in catalogue().zip(parameters().into_iter().skip(parameters().len() - catalogue().count())) {
             // These would cut the line that the test speaks on.
@@ -179,7 +188,7 @@ fn every_fault_comes_and_goes_by_its_parameter() {
 #[test]
 fn a_failure_is_accepted_only_where_it_acts() {
     use dialect::MavCmd::MAV_CMD_INJECT_FAILURE as FAIL;
-    let report = run(&scenario(&[]), lockstep(&GENERIC), |fc| {
+    let report = run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
         let mut fail = |unit: f32, kind: f32, instance: f32| ask(fc, FAIL, [unit, kind, instance]);
         assert_eq!(fail(4.0, 1.0, 0.0), 0); // gps off
@@ -199,7 +208,7 @@ fn a_failure_is_accepted_only_where_it_acts() {
 
 #[test]
 fn after_a_reset_time_goes_on_and_the_flight_begins_anew() {
-    let report = run(&scenario(&[]), lockstep(&GENERIC), |fc| {
+    let report = run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(200_000);
         assert_eq!(set_and_read(fc, "F_BAR_OFF", 1.0), 1.0);
         let mut last = 0;
@@ -233,10 +242,20 @@ fn after_a_reset_time_goes_on_and_the_flight_begins_anew() {
     assert!(report.flights.iter().all(|flight| flight.events.iter().any(|event| event.name == "reset")));
 }
 
+/// The page of the bench names every float with its place.
+#[test]
+fn the_page_of_the_bench_lists_the_plant_s_floats() {
+    let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/bench.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    for (i, name) in PLANT_FLOATS.iter().enumerate() {
+        assert!(page.contains(&format!("| {i} `{name}` |")), "{i} {name}");
+    }
+}
+
 /// Reset is for the bench alone: to everybody it would be for the flight controller too.
 #[test]
 fn a_reboot_for_everybody_is_not_the_bench_s() {
-    let report = run(&scenario(&[]), lockstep(&GENERIC), |fc| {
+    let report = run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
         let reboot = dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN;
         fc.send(&command((0, 0), reboot, [1.0, 0.0, 0.0]));
@@ -252,7 +271,7 @@ fn a_reboot_for_everybody_is_not_the_bench_s() {
 
 #[test]
 fn the_plant_s_floats_come_when_asked_for() {
-    run(&scenario(&[]), lockstep(&GENERIC), |fc| {
+    run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
         assert_eq!(ask(fc, dialect::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [350.0, 100_000.0, 0.0]), 0);
         let floats = |m: &MavMessage| match m {
@@ -270,8 +289,8 @@ fn the_plant_s_floats_come_when_asked_for() {
     });
 }
 
-/// 57 600 baud are 5760 byte/s, 90 % of which less HIL_SENSOR at 50 Hz and the rest of the profile is what a list may take:
-/// so it lasts at least so long, less a frame and a burst. Load can only make it longer.
+/// 90 % of the line less the profile's streams is what a list may take: so it lasts at least so long, less a frame and
+/// a burst. Load can only make it longer.
 #[test]
 fn a_list_keeps_within_what_the_line_has_left() {
     let rates = SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 };

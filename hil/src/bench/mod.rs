@@ -220,6 +220,7 @@ impl<'a> Bench<'a> {
                     self.figures.cycle_cost.record_ns(now_ns() - begun_ns);
                 }
             }
+            self.serve_between_samples();
             self.judge();
         }
         if self.flight.outcome().is_none() {

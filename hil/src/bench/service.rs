@@ -43,6 +43,8 @@ use crate::stream::{self, Refusal};
 const QUEUE: usize = 64;
 /// STATUSTEXT's number: the flight controller hears of events once it asks for it.
 const STATUS_TEXT_ID: u32 = 253;
+/// Without a sample for this long, services no longer wait for one.
+const QUIET: SimTime = SimTime::from_us(40_000);
 /// After a reset, answers to the flight before are not obeyed for this long (ns).
 const STALE_NS: u64 = 200_000_000;
 
@@ -205,6 +207,14 @@ impl Bench<'_> {
             };
             ground.speak(now_ns, &view, |i| self.parameter_message(i));
             self.ground = Some(ground);
+        }
+    }
+
+    /// A broken inertial unit ends the samples, but not the services.
+    pub(super) fn serve_between_samples(&mut self) {
+        if self.flight.measurement().is_none() && self.flight.time().since(self.sampled) >= QUIET {
+            self.serve();
+            self.flush();
         }
     }
 
