@@ -162,7 +162,8 @@ pub struct NitrogenInventory {
 impl NitrogenInventory {
     /// Pressure that the regulator keeps (Pa).
     fn outlet_pa(&self, regulator: &Regulator) -> f64 {
-        (regulator.set_pressure_pa - self.regulator_sag_pa).max(self.ambient_pa.min(regulator.set_pressure_pa))
+        (regulator.set_pressure_pa - self.regulator_sag_pa)
+            .max(self.ambient_pa.min(regulator.set_pressure_pa))
     }
 }
 
@@ -283,7 +284,8 @@ mod tests {
     }
 
     fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
-        let inventory = NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0, regulator_sag_pa: 0.0 };
+        let inventory =
+            NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0, regulator_sag_pa: 0.0 };
         let gas = PressurantGas::new(&reference(), 290.0);
         reference().distribute(&gas, &inventory)
     }

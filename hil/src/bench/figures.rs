@@ -151,8 +151,7 @@ impl Bench<'_> {
     pub(super) fn note_sent(&mut self) {
         let time_us = self.wire_time().us();
         let samples = &mut self.figures.samples;
-        samples.sent[(time_us / 1000) as usize % 1000] =
-            Sent { time_us, left_ns: now_ns(), answered: false };
+        samples.sent[(time_us / 1000) as usize % 1000] = Sent { time_us, left_ns: now_ns(), answered: false };
         samples.unanswered = true;
     }
 
