@@ -8,6 +8,7 @@
 
 use crate::input::Invalid;
 use crate::signal::{ActuatorCommand, Discrete, Throttle};
+use crate::time::SimTime;
 
 /// Number of channels in one command of the flight controller.
 pub const CHANNEL_COUNT: usize = 16;
@@ -60,8 +61,8 @@ pub struct Channels {
     /// Hold-down release; absent: always held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold_down_release: Option<Switch>,
-    /// Reserved for a counter by which the flight controller measures latency; moves nothing, and nobody
-    /// reads it yet.
+    /// Echo of the last sample seen, by which the bench measures the round trip whatever clock the flight controller
+    /// has: the milliseconds of its time within the second, 0..999, in thousandths of the range. Moves nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub echo: Option<Channel>,
 }
@@ -195,10 +196,23 @@ impl Controls {
         self.throttle.unwrap_or(default_throttle)
     }
 
-    /// The latency counter, if there is such a channel and it holds a number.
-    pub fn echo(&self, controls: &[f64; CHANNEL_COUNT]) -> Option<f64> {
-        let value = controls[self.channels.echo?.index];
-        value.is_finite().then_some(value)
+    /// Writes the echo of the sample of `time`, where there is such a channel.
+    pub fn set_echo(&self, controls: &mut [f64; CHANNEL_COUNT], time: SimTime) {
+        if let Some(channel) = &self.channels.echo {
+            channel.set_fraction(controls, (time.us() / 1000 % 1000) as f64 * 1e-3);
+        }
+    }
+
+    /// Milliseconds within the second of the sample that `controls` echo; `None` without such a channel, or when it
+    /// holds anything but thousandths of its range.
+    pub fn echo_ms(&self, controls: &[f64; CHANNEL_COUNT]) -> Option<u64> {
+        let channel = self.channels.echo?;
+        let [low, high] = channel.range;
+        let thousandths = (controls[channel.index] - low) / (high - low) * 1000.0;
+        let nearest = thousandths.round();
+        // A channel is a 32-bit number on the wire: 6e-5 of a thousandth.
+        let whole = (thousandths - nearest).abs() < 0.01 && (0.0..1000.0).contains(&nearest);
+        whole.then_some(nearest as u64)
     }
 
     /// Two channels on one index, an empty range, a polarity of 0, a threshold that cannot be passed.
@@ -330,6 +344,26 @@ mod tests {
 
     fn reference() -> Controls {
         toml::from_str(REFERENCE).unwrap()
+    }
+
+    #[test]
+    fn an_echo_comes_back_from_any_range_and_nothing_else_is_one() {
+        for range in [[0.0, 1.0], [-1.0, 1.0], [1000.0, 2000.0]] {
+            let mut map = reference();
+            map.channels.echo = Some(Channel { index: 15, range, polarity: 1 });
+            for ms in [0, 4, 500, 999, 1000, 61_996] {
+                let mut controls = [0.0; 16];
+                map.set_echo(&mut controls, SimTime::from_us(1000 * ms));
+                // As it comes from the wire.
+                controls[15] = f64::from(controls[15] as f32);
+                assert_eq!(map.echo_ms(&controls), Some(ms % 1000), "{range:?}");
+            }
+            for other in [range[0] - 0.5, range[1] + 0.5, f64::NAN, range[0] + 0.000_25 * (range[1] - range[0])] {
+                let mut controls = [0.0; 16];
+                controls[15] = other;
+                assert_eq!(map.echo_ms(&controls), None, "{other}");
+            }
+        }
     }
 
     #[test]

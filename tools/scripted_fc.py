@@ -107,7 +107,8 @@ def fly(connection):
         elif message:
             armed, controls = pilot.controls(message)
             mode = 1 | (128 if armed else 0)
-            connection.mav.hil_actuator_controls_send(message.time_usec, controls + [0.0] * 12, mode, 1)
+            echo = message.time_usec // 1000 % 1000 / 1000  # the last channel: by it the bench measures the round trip
+            connection.mav.hil_actuator_controls_send(message.time_usec, controls + [0.0] * 11 + [echo], mode, 1)
     return pilot.phase == "disarmed"
 
 

@@ -2,12 +2,13 @@
 
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread;
 use std::time::{Duration, Instant};
 
 use hopbench::autopilot::Autopilot;
 use hopbench::autopilot::planning::{Answer, LATENCY_S, Order};
 use hopbench::time::SimTime;
+
+use crate::realtime::spawn_ordinary;
 
 /// Solves what an autopilot orders.
 #[derive(Debug)]
@@ -28,7 +29,7 @@ impl Planner {
     pub fn start() -> io::Result<Self> {
         let (orders, inbox) = sync_channel::<Order>(1);
         let (outbox, answers) = sync_channel(2);
-        thread::Builder::new().name("planner".to_owned()).spawn(move || {
+        spawn_ordinary("planner", move || {
             while let Ok(order) = inbox.recv() {
                 if outbox.send(order.solve()).is_err() {
                     return;

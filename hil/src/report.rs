@@ -68,6 +68,12 @@ pub fn summary(report: &Report) -> String {
     let outcome = serde_json::to_value(report.outcome).ok();
     let outcome = outcome.as_ref().and_then(|o| o.as_str()).unwrap_or("?");
     line(format!("{} (seed {}): {outcome}", report.scenario, report.seed));
+    for change in &report.modified {
+        line(format!("MODIFIED       {change}"));
+    }
+    if !report.faults_idle.is_empty() {
+        line(format!("never began    {}", report.faults_idle.join(", ")));
+    }
     for event in &report.events {
         line(format!("  {:>8.3} s  {:<18} {}", event.time_s, event.name, event.detail));
     }
@@ -150,23 +156,16 @@ pub fn summary(report: &Report) -> String {
         "time           {:.3} s in {:.3} s, {:.0} x real time, {} steps, {} overruns",
         t.simulated_s, t.wall_s, t.realtime_factor, t.steps, t.overruns
     ));
-    if let Some(step) = &t.step_us {
-        line(format!(
-            "step cost      p50 {:.1} us, p99 {:.1} us, max {:.1} us",
-            step.p50, step.p99, step.max
-        ));
+    if t.slips > 0 {
+        line(format!("               slipped {} times, {:.3} s altogether", t.slips, t.slipped_s));
     }
-    if let Some(late) = &t.lateness_us {
-        line(format!(
-            "lateness       p50 {:.1} us, p99 {:.1} us, p99.9 {:.1} us, max {:.1} us",
-            late.p50, late.p99, late.p999, late.max
-        ));
-    }
-    if let Some(trip) = &t.round_trip_us {
-        line(format!(
-            "round trip     p50 {:.1} us, p99 {:.1} us, max {:.1} us",
-            trip.p50, trip.p99, trip.max
-        ));
+    for (name, of) in [("step cost", &t.step_us), ("lateness", &t.lateness_us), ("round trip", &t.round_trip_us)] {
+        if let Some(of) = of {
+            line(format!(
+                "{name:<14} p50 {:.1} us, p99 {:.1} us, p99.9 {:.1} us, max {:.1} us",
+                of.p50, of.p99, of.p999, of.max
+            ));
+        }
     }
     if let Some(link) = &report.link {
         let load = link.wire_load_percent.map_or(String::new(), |load| format!(", wire {load:.0} % loaded"));
@@ -190,6 +189,9 @@ pub fn summary(report: &Report) -> String {
     line(format!("verdict        {outcome}, {verdict}"));
     if let Some(run) = &report.run {
         line(format!("to open        {run}/report.json"));
+        if report.link.is_some() {
+            line(format!("to sign        {run}/{}", crate::certificate::FILE));
+        }
     }
     text
 }

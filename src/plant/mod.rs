@@ -29,7 +29,7 @@ pub use state::{Rate, State};
 use nalgebra::Vector2;
 
 use crate::actuator::{DelayLine, ServoMemory};
-use crate::disturbance::{Disturbances, Effect};
+use crate::disturbance::{Disturbances, Effect, Standing};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
@@ -72,6 +72,15 @@ pub struct Plant {
     /// `None`: full fidelity.
     paper: Option<Paper>,
     settled: Option<Settled>,
+}
+
+/// What somebody at a bench adds to the world in mid-run; by default nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Interference {
+    /// Wind on top of the scenario's (m/s).
+    pub wind_ned_m_s: Vec3,
+    /// Disturbance on top of the scenario's.
+    pub standing: Standing,
 }
 
 /// The evaluation at the end of a step, which is the first stage of the next one unless something discrete
@@ -298,6 +307,15 @@ impl Plant {
         self.time = self.time + self.step;
         self.disturb(self.step.s());
         self.settle();
+    }
+
+    /// Wind and disturbances that somebody at a bench adds, from the next step on.
+    pub fn interfere(&mut self, interference: &Interference) {
+        let Interference { wind_ned_m_s, standing } = *interference;
+        self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
+        self.disturbances.stand((standing != Standing::default()).then_some(standing));
+        // The evaluation at the end of the last step knows nothing of it.
+        self.settled = None;
     }
 
     /// The rate alone: what else an evaluation finds need not be stored.

@@ -7,14 +7,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use hdrhistogram::Histogram;
 use hopbench::input::{Fault, InputError};
 use hopbench::plant::Snapshot;
 use hopbench::simulation;
-use hopbench::simulation::report::Percentiles;
 
 use super::{Common, DONE, UNEXPECTED, print_json, print_text};
 use crate::load;
+use crate::pace::{Distribution, now_ns};
 use crate::report::{RunFolder, summary};
 
 /// Fly a scenario in memory: built-in autopilot, or an open-loop schedule
@@ -53,7 +52,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut table = args.csv.as_deref().map(|path| Table::create(path, args.csv_rate)).transpose()?;
 
     let start = Instant::now();
-    let mut cost = StepCost::default();
+    let mut cost = StepCost { last_ns: None, durations: Distribution::new() };
     let mut written = Ok(());
     let flight = simulation::fly(&scenario, seed, |now| {
         cost.step();
@@ -71,7 +70,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut report = flight.report(false);
     report.timing.wall_s = wall_s;
     report.timing.realtime_factor = report.timing.simulated_s / wall_s;
-    report.timing.step_us = cost.percentiles();
+    report.timing.step_us = cost.durations.percentiles();
     report.overrides = common.set.clone();
     if let Some(folder) = &folder {
         folder.write(&mut report)?;
@@ -86,35 +85,16 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
 
 /// Wall time from one step to the next: plant, sensors and controller.
 struct StepCost {
-    last: Option<Instant>,
-    histogram: Histogram<u64>,
-}
-
-impl Default for StepCost {
-    fn default() -> Self {
-        Self {
-            last: None,
-            // A nanosecond to a minute, three significant digits.
-            histogram: Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("the bounds are in order"),
-        }
-    }
+    last_ns: Option<u64>,
+    durations: Distribution,
 }
 
 impl StepCost {
     fn step(&mut self) {
-        let now = Instant::now();
-        if let Some(last) = self.last.replace(now) {
-            self.histogram.saturating_record((now - last).as_nanos() as u64);
+        let now = now_ns();
+        if let Some(last_ns) = self.last_ns.replace(now) {
+            self.durations.record_ns(now - last_ns);
         }
-    }
-
-    fn percentiles(&self) -> Option<Percentiles> {
-        let us = |ns: u64| ns as f64 * 1e-3;
-        (!self.histogram.is_empty()).then(|| Percentiles {
-            p50: us(self.histogram.value_at_quantile(0.5)),
-            p99: us(self.histogram.value_at_quantile(0.99)),
-            max: us(self.histogram.max()),
-        })
     }
 }
 
