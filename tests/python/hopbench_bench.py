@@ -66,9 +66,6 @@ def run_hopbench(*arguments, timeout_s=60.0):
     return Result(done.returncode, done.stdout, done.stderr)
 
 
-INTERLOCK = "--igniter-disconnected"  # no igniter hangs on a pseudo-terminal
-
-
 class BenchEnded(Exception):
     """The bench's process ended, or closed the link, while the test waited for a message."""
 
@@ -148,9 +145,6 @@ class Bench:
         command += ["--seed", self.seed] if self.seed is not None else []
         for pair in self.sets:
             command += ["--set", pair]
-        real_board = self.profile == "px4-hitl" or (self.profile is None and self.fc == "serial")
-        if real_board and link and INTERLOCK not in self.extra:
-            command += [INTERLOCK]
         self.command = [str(word) for word in command + self.extra]
         # Files, not pipes: a full pipe nobody reads would stop the bench.
         with open(self.folder / "stdout", "w") as out, open(self.folder / "stderr", "w") as err:
