@@ -5,7 +5,6 @@ mod files;
 
 use files::{scenario, try_scenario};
 use hopbench::fault::{Component, Fault, Mode, catalogue, row};
-use hopbench::frame::Vec3;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement};
 use hopbench::simulation::{Flight, Report, Source};
@@ -184,7 +183,9 @@ fn sensor_scale() {
     let (sound, faulty) = (on_the_pad(Vec::new()), on_the_pad(all(Mode::Scale)));
     for component in sensors().filter(|&c| row(c, Mode::Scale).is_some()) {
         for (m, sound) in faulty.iter().zip(&sound) {
-            let (Some(now), Some(right)) = (reading(component, m), reading(component, sound)) else { continue };
+            let (Some(now), Some(right)) = (reading(component, m), reading(component, sound)) else {
+                continue;
+            };
             assert_eq!(now, right.map(|x| x * 1.1), "{component:?}");
         }
     }
@@ -204,7 +205,8 @@ fn sensor_bias() {
     let lower_m = sound.iter().zip(&faulty).find_map(|(a, b)| Some(altitude_m(a)? - altitude_m(b)?)).unwrap();
     assert!((8.0..9.2).contains(&lower_m), "{lower_m}");
     // Along one axis alone.
-    let z = Fault { axis: Some(hopbench::fault::Axis::Z), ..Fault::new(Component::Accelerometer, Mode::Bias) };
+    let z =
+        Fault { axis: Some(hopbench::fault::Axis::Z), ..Fault::new(Component::Accelerometer, Mode::Bias) };
     for (_, error) in errors(Component::Accelerometer, &sound, &on_the_pad(vec![z])) {
         assert!(error[0] == 0.0 && error[1] == 0.0 && (error[2] - 0.5).abs() < 1e-12, "{error:?}");
     }
@@ -219,7 +221,10 @@ fn sensor_jump() {
     for component in [Component::Gnss, Component::Tracking] {
         for (time_s, error) in errors(component, &sound, &faulty) {
             let expected = if time_s > 4.0 && time_s <= 7.0 { 5.0 } else { 0.0 };
-            assert!(error.iter().all(|&e| close(component, e, expected)), "{component:?} {time_s}: {error:?}");
+            assert!(
+                error.iter().all(|&e| close(component, e, expected)),
+                "{component:?} {time_s}: {error:?}"
+            );
         }
     }
     // A receiver that jumps claims to be as good as before.
@@ -392,9 +397,13 @@ fn a_gap_in_the_fixes_begins_with_the_hover_and_ends() {
     });
     let report = flight.report(false);
     let hover_s = time_of(&report, "phase:hover").unwrap();
-    let (from_s, to_s) = (time_of(&report, "fault:gap").unwrap(), time_of(&report, "fault_over:gap").unwrap());
+    let (from_s, to_s) =
+        (time_of(&report, "fault:gap").unwrap(), time_of(&report, "fault_over:gap").unwrap());
     // An event of one step is heard at the next.
-    assert!((from_s - hover_s - 0.5).abs() <= 0.0011 && (to_s - from_s - 2.0).abs() < 1e-9, "{from_s} {to_s}");
+    assert!(
+        (from_s - hover_s - 0.5).abs() <= 0.0011 && (to_s - from_s - 2.0).abs() < 1e-9,
+        "{from_s} {to_s}"
+    );
     assert!(!fixes.iter().any(|t| *t > from_s && *t <= to_s));
     // Ten a second but for the gap.
     let longest = fixes.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
@@ -424,9 +433,16 @@ fn fixes_that_jump_are_refused() {
         duration_s: Some(2.0),
         ..Fault::new(Component::Gnss, Mode::Jump)
     };
-    let report = flown(&hover(vec![jump]), |_| {}).report(false);
-    landed_softly(&report);
-    assert!(report.touchdown.unwrap().navigation_error_m.unwrap() < 2.0);
+    let (mut astray, mut worst_m) = (0, 0.0_f64);
+    let flight = flown(&hover(vec![jump]), |f| {
+        astray += u32::from(f.faults().count() == 1 && f.measurement().is_some_and(|m| m.gnss.is_some()));
+        let off = f.estimate().position_ned_m - f.snapshot().position_ned_m;
+        worst_m = worst_m.max(libm::hypot(off.x, off.y));
+    });
+    // Ten a second for two seconds; what the estimate is off is the wander of plain fixes.
+    assert_eq!(astray, 20);
+    assert!(worst_m < 2.0, "{worst_m}");
+    landed_softly(&flight.report(false));
 }
 
 /// Each trigger at its time, by the height of the vehicle at every step.
@@ -446,8 +462,7 @@ fn triggers_come_when_they_say() {
         mild("never", Fault { above_m: Some(50.0), ..new() }),
     ];
     let mut heights = Vec::new();
-    let report =
-        flown(&hover(faults), |f| heights.push((f.time().s(), f.snapshot().height_m))).report(false);
+    let report = flown(&hover(faults), |f| heights.push((f.time().s(), f.snapshot().height_m))).report(false);
     let at = |name: &str| time_of(&report, &format!("fault:{name}")).unwrap_or_else(|| panic!("{name}"));
     let event = |name: &str| time_of(&report, name).unwrap();
     let ignition_s = event("ignition");
@@ -500,10 +515,15 @@ fn what_is_injected_acts_at_once_replaces_its_like_and_marks_the_run() {
             "3.000 s: mended barometer bias 50 (Pa)"
         ]
     );
-    let names: Vec<_> =
-        report.events.iter().filter(|e| e.time_s <= 3.0).map(|e| e.name.as_str()).collect();
-    let expected =
-        ["modified", "fault:barometer_bias", "modified", "fault:barometer_bias", "modified", "fault_over:barometer_bias"];
+    let names: Vec<_> = report.events.iter().filter(|e| e.time_s <= 3.0).map(|e| e.name.as_str()).collect();
+    let expected = [
+        "modified",
+        "fault:barometer_bias",
+        "modified",
+        "fault:barometer_bias",
+        "modified",
+        "fault_over:barometer_bias",
+    ];
     let injected: Vec<_> = names.into_iter().filter(|n| n.starts_with("fault") || *n == "modified").collect();
     assert_eq!(injected, expected);
 }
@@ -515,8 +535,8 @@ fn a_named_fault_keeps_its_noise() {
     let other = Fault::new(Component::Barometer, Mode::Noise);
     let (one, two) = (on_the_pad(vec![noisy()]), on_the_pad(vec![other, noisy()]));
     assert!(one.iter().zip(&two).all(|(a, b)| a.imu == b.imu));
-    let mean: Vec3 = one.iter().filter_map(|m| m.imu).map(|imu| imu.rate_body_rad_s).sum();
-    assert!(mean.norm() > 0.0);
+    let sound = on_the_pad(Vec::new());
+    assert!(one.iter().zip(&sound).all(|(a, b)| a.imu != b.imu));
 }
 
 /// No value in the catalogue's ranges makes a number that is none.
@@ -545,14 +565,32 @@ fn a_mistake_is_named_with_its_key_and_range() {
             "[{component = 'combustion', mode = 'efficiency_drop', value = 3.0}]",
             "fault.0.value: 3 is out of range for combustion efficiency_drop; allowed 0 to 0.9 (share)",
         ),
-        ("[{component = 'combustion', mode = 'stuck'}]", "fault.0.mode: combustion has no fault stuck; allowed efficiency_drop"),
-        ("[{component = 'gnss', mode = 'off', value = 1.0}]", "fault.0.value: 1 means nothing for gnss off: leave it out"),
-        ("[{component = 'barometer', mode = 'bias', axis = 'x'}]", "fault.0.axis: barometer bias has no axes: leave it out"),
-        ("[{component = 'gnss', mode = 'off', at_s = 1.0, above_m = 2.0}]", "fault.0.above_m: a second trigger beside at_s"),
+        (
+            "[{component = 'combustion', mode = 'stuck'}]",
+            "fault.0.mode: combustion has no fault stuck; allowed efficiency_drop",
+        ),
+        (
+            "[{component = 'gnss', mode = 'off', value = 1.0}]",
+            "fault.0.value: 1 means nothing for gnss off: leave it out",
+        ),
+        (
+            "[{component = 'barometer', mode = 'bias', axis = 'x'}]",
+            "fault.0.axis: barometer bias has no axes: leave it out",
+        ),
+        (
+            "[{component = 'gnss', mode = 'off', at_s = 1.0, above_m = 2.0}]",
+            "fault.0.above_m: a second trigger beside at_s",
+        ),
         ("[{component = 'gnss', mode = 'off', duration_s = 0.0}]", "fault.0.duration_s: 0 breaks nothing"),
-        ("[{component = 'gnss', mode = 'off', at_event = 'phase:hoover'}]", "fault.0.at_event: \"phase:hoover\" never happens; allowed armed,"),
-        ("[{component = 'gnss', mode = 'off'}, {component = 'gnss', mode = 'off'}]", "fault.1.name: entry 0 is named \"gnss_off\" too"),
-        ("[{component = 'gnss', mode = 'jump', value = nan}]", "out of range for gnss jump"),
+        (
+            "[{component = 'gnss', mode = 'off', at_event = 'phase:hoover'}]",
+            "fault.0.at_event: \"phase:hoover\" never happens; allowed armed,",
+        ),
+        (
+            "[{component = 'gnss', mode = 'off'}, {component = 'gnss', mode = 'off'}]",
+            "fault.1.name: entry 0 is named \"gnss_off\" too",
+        ),
+        ("[{component = 'gnss', mode = 'jump', value = nan}]", "fault.0.value: NaN is out of range"),
         ("[{component = 'gnss', mode = 'jump', valeu = 1.0}]", "valeu"),
         ("[{component = 'gns', mode = 'jump'}]", "fault.0.component"),
     ] {
