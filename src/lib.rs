@@ -48,8 +48,8 @@
 //! | servos, legs | second order, limits, delay; anchors that slip | play, friction; static above sliding friction |
 //! | air | mean, gusts | profile, Dryden turbulence |
 //!
-//! A scenario may fly the seed paper's whole scheme instead (`fidelity = "paper"`), hold a coupling still (`physics.freeze`) or disturb
-//! the engine (`[[disturbance]]`). What each is worth: `docs/findings.md`; what proves it: `tests/README.md`.
+//! A scenario may fly the seed paper's whole scheme instead (`fidelity = "paper"`), hold a coupling still (`physics.freeze`), disturb
+//! the engine (`[[disturbance]]`) or break something ([`fault`]). What each is worth: `docs/findings.md`; what proves it: `tests/README.md`.
 //!
 //! # Frames
 //!

@@ -5,7 +5,6 @@ mod files;
 
 use files::{scenario, try_scenario};
 use hopbench::fault::{Component, Fault, Mode, catalogue, row};
-use hopbench::frame::Vec3;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement};
 use hopbench::simulation::{Flight, Report, Source};
@@ -434,9 +433,16 @@ fn fixes_that_jump_are_refused() {
         duration_s: Some(2.0),
         ..Fault::new(Component::Gnss, Mode::Jump)
     };
-    let report = flown(&hover(vec![jump]), |_| {}).report(false);
-    landed_softly(&report);
-    assert!(report.touchdown.unwrap().navigation_error_m.unwrap() < 2.0);
+    let (mut astray, mut worst_m) = (0, 0.0_f64);
+    let flight = flown(&hover(vec![jump]), |f| {
+        astray += u32::from(f.faults().count() == 1 && f.measurement().is_some_and(|m| m.gnss.is_some()));
+        let off = f.estimate().position_ned_m - f.snapshot().position_ned_m;
+        worst_m = worst_m.max(libm::hypot(off.x, off.y));
+    });
+    // Ten a second for two seconds; what the estimate is off is the wander of plain fixes.
+    assert_eq!(astray, 20);
+    assert!(worst_m < 2.0, "{worst_m}");
+    landed_softly(&flight.report(false));
 }
 
 /// Each trigger at its time, by the height of the vehicle at every step.
@@ -529,8 +535,8 @@ fn a_named_fault_keeps_its_noise() {
     let other = Fault::new(Component::Barometer, Mode::Noise);
     let (one, two) = (on_the_pad(vec![noisy()]), on_the_pad(vec![other, noisy()]));
     assert!(one.iter().zip(&two).all(|(a, b)| a.imu == b.imu));
-    let mean: Vec3 = one.iter().filter_map(|m| m.imu).map(|imu| imu.rate_body_rad_s).sum();
-    assert!(mean.norm() > 0.0);
+    let sound = on_the_pad(Vec::new());
+    assert!(one.iter().zip(&sound).all(|(a, b)| a.imu != b.imu));
 }
 
 /// No value in the catalogue's ranges makes a number that is none.
@@ -584,7 +590,7 @@ fn a_mistake_is_named_with_its_key_and_range() {
             "[{component = 'gnss', mode = 'off'}, {component = 'gnss', mode = 'off'}]",
             "fault.1.name: entry 0 is named \"gnss_off\" too",
         ),
-        ("[{component = 'gnss', mode = 'jump', value = nan}]", "out of range for gnss jump"),
+        ("[{component = 'gnss', mode = 'jump', value = nan}]", "fault.0.value: NaN is out of range"),
         ("[{component = 'gnss', mode = 'jump', valeu = 1.0}]", "valeu"),
         ("[{component = 'gns', mode = 'jump'}]", "fault.0.component"),
     ] {

@@ -130,9 +130,18 @@ impl Profile {
     pub fn clamp(&self, measurement: &mut Measurement) {
         const ACCELERATION_M_S2: f64 = 16.0 * 9.80665 * (32767.0 / 32768.0);
         const RATE_RAD_S: f64 = 2000.0 * std::f64::consts::PI / 180.0 * (32767.0 / 32768.0);
-        if let (true, Some(imu)) = (self.clamps_inertial, &mut measurement.imu) {
-            imu.specific_force_body_m_s2.apply(|a| *a = a.clamp(-ACCELERATION_M_S2, ACCELERATION_M_S2));
-            imu.rate_body_rad_s.apply(|w| *w = w.clamp(-RATE_RAD_S, RATE_RAD_S));
+        if !self.clamps_inertial {
+            return;
+        }
+        let force = |a: &mut f64| *a = a.clamp(-ACCELERATION_M_S2, ACCELERATION_M_S2);
+        let rate = |w: &mut f64| *w = w.clamp(-RATE_RAD_S, RATE_RAD_S);
+        if let Some(imu) = &mut measurement.imu {
+            imu.specific_force_body_m_s2.apply(force);
+            imu.rate_body_rad_s.apply(rate);
+        }
+        if let Some(unit) = &mut measurement.broken_imu {
+            unit.specific_force_body_m_s2.iter_mut().for_each(|left| left.apply(force));
+            unit.rate_body_rad_s.iter_mut().for_each(|left| left.apply(rate));
         }
     }
 }

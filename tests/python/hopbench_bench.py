@@ -140,6 +140,8 @@ class Bench:
         command += ["--out", self.folder / "run"]
         command += ["--fc", link] if link else []
         command += ["--profile", self.profile] if self.profile else []
+        if link and (self.profile == "px4-hitl" or (self.profile is None and self.fc == "serial")):
+            command += ["--igniter-disconnected"]  # a script has no igniter
         command += {None: [], True: ["--lockstep"], False: ["--realtime"]}[self.lockstep]
         command += ["--fast"] if self.fast else []
         command += ["--seed", self.seed] if self.seed is not None else []
