@@ -79,6 +79,7 @@ impl Gimbal {
             upper_rad: self.limit_rad,
             backlash_rad: self.backlash_rad,
             friction_rad: self.friction_rad,
+            drive_share: 1.0,
         }
     }
 }
@@ -100,6 +101,9 @@ pub struct Servo {
     pub backlash_rad: f64,
     /// Coulomb friction, as the error at which the position loop breaks away (rad).
     pub friction_rad: f64,
+    /// What is left of the drive, on natural frequency and greatest rate: 1 sound; 0 seized, it stops within
+    /// milliseconds and stays.
+    pub drive_share: f64,
 }
 
 /// What a servo remembers between steps.
@@ -161,8 +165,8 @@ impl Servo {
         let (angle, rate) = (state.angle_rad, state.rate_rad_s);
         let command = if command_rad.is_nan() { angle } else { command_rad };
         let mut command = command.max(self.lower_rad).min(self.upper_rad);
-        let w = self.natural_frequency_rad_s;
-        if self.friction_rad > 0.0 {
+        let w = self.natural_frequency_rad_s * self.drive_share;
+        if self.friction_rad > 0.0 && w > 0.0 {
             if command == self.lower_rad {
                 command -= self.friction_rad;
             } else if command == self.upper_rad {
@@ -173,13 +177,20 @@ impl Servo {
             command -= held_rad.clamp(-self.friction_rad, self.friction_rad);
         }
         let linear = w * (w * (command - angle) - 2.0 * self.damping_ratio * rate);
-        let k = (BARRIER_OVER_FREQUENCY * w).min(FASTEST_BARRIER_1_S);
+        // A drive that fails does not soften stops and gears.
+        let k = (BARRIER_OVER_FREQUENCY * self.natural_frequency_rad_s).min(FASTEST_BARRIER_1_S);
+        let rate_limit_rad_s = self.rate_limit_rad_s * self.drive_share;
         let stop_upper = k * (k * (self.upper_rad - angle) - 2.0 * rate);
         let stop_lower = k * (k * (self.lower_rad - angle) - 2.0 * rate);
-        let rate_upper = k * (self.rate_limit_rad_s - rate);
-        let rate_lower = k * (-self.rate_limit_rad_s - rate);
+        let rate_upper = k * (rate_limit_rad_s - rate);
+        let rate_lower = k * (-rate_limit_rad_s - rate);
         let acceleration_rad_s2 = linear.min(stop_upper).max(stop_lower).min(rate_upper).max(rate_lower);
         ServoRate { rate_rad_s: rate, acceleration_rad_s2 }
+    }
+
+    /// Where a servo without dynamics goes at once from an angle (rad): to its command, unless it is seized.
+    pub fn at_once(&self, angle_rad: f64, command_rad: f64) -> f64 {
+        if self.drive_share > 0.0 { command_rad.max(self.lower_rad).min(self.upper_rad) } else { angle_rad }
     }
 
     /// What moves behind the play.
@@ -307,6 +318,7 @@ mod tests {
         upper_rad: 0.122_173_047_6,
         backlash_rad: 0.0,
         friction_rad: 0.0,
+        drive_share: 1.0,
     };
 
     impl Integrable for ServoState {

@@ -158,6 +158,18 @@ impl Effect {
 #[derive(Clone, Debug)]
 pub struct Disturbances {
     running: Vec<Running>,
+    standing: Option<Standing>,
+}
+
+/// What somebody at a bench has set, from then on and in no window; it is steady.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Standing {
+    /// Thrust above or below what the engine model gives, as a share of it.
+    pub thrust_bias: f64,
+    /// Angles of the thrust line at zero gimbal (rad).
+    pub misalignment_rad: [f64; 2],
+    /// Force at the gimbal pivot, body FRD (N).
+    pub force_body_n: Vec3,
 }
 
 #[derive(Clone, Debug)]
@@ -177,7 +189,12 @@ impl Disturbances {
             let noise = GaussMarkov::new(entry.thrust_noise_std, time_constant_s, &mut stream);
             Running { entry: entry.clone(), noise, stream, acts: false }
         });
-        Self { running: running.collect() }
+        Self { running: running.collect(), standing: None }
+    }
+
+    /// From now on this acts too.
+    pub fn stand(&mut self, standing: Option<Standing>) {
+        self.standing = standing;
     }
 
     /// Moves on by a step (s) to a mission time (`None` before ignition) and gives what acts from there on.
@@ -213,6 +230,13 @@ impl Disturbances {
             sum.force_body_n += force;
             sum.moment_body_n_m +=
                 Vec3::from(entry.moment_body_n_m) + Vec3::from(entry.point_m).cross(&force);
+        }
+        if let Some(standing) = &self.standing {
+            sum.thrust_share += standing.thrust_bias;
+            for axis in 0..2 {
+                sum.misalignment_rad[axis] += standing.misalignment_rad[axis];
+            }
+            sum.force_body_n += standing.force_body_n;
         }
         sum
     }
@@ -255,6 +279,17 @@ mod tests {
         assert_eq!(at(Some(7.0)), alone);
         let push = |begins| ("push".to_owned(), begins);
         assert_eq!(seen, [(String::new(), true), push(true), push(false)]);
+    }
+
+    #[test]
+    fn what_stands_acts_before_ignition_too_until_it_is_taken_away() {
+        let mut all = Disturbances::new(&[], 1);
+        let mut at = |all: &mut Disturbances| all.advance(1e-3, None, |_, _| {});
+        all.stand(Some(Standing { thrust_bias: -0.1, force_body_n: Vec3::x(), ..Default::default() }));
+        let effect = at(&mut all);
+        assert_eq!((effect.thrust_share, effect.force_body_n), (-0.1, Vec3::x()));
+        all.stand(None);
+        assert_eq!(at(&mut all), Effect::default());
     }
 
     #[test]

@@ -71,8 +71,10 @@ impl ActuatorCommand {
 pub struct Measurement {
     /// Time of delivery, the flight computer's clock.
     pub time: SimTime,
-    /// Inertial measurement unit; present in every measurement of the wire's fast group.
+    /// Inertial measurement unit; present in every measurement of the wire's fast group while the unit is sound.
     pub imu: Option<ImuSample>,
+    /// What the inertial unit still delivers instead while a half of it, or both, gives nothing.
+    pub broken_imu: Option<BrokenImu>,
     /// Satellite navigation.
     pub gnss: Option<GnssFix>,
     /// Static pressure.
@@ -97,6 +99,19 @@ pub struct ImuSample {
     /// Length of the averaging interval (s).
     pub interval_s: f64,
     /// Temperature of the unit (K).
+    pub temperature_k: f64,
+}
+
+/// What is left of an inertial sample; never both halves. Nothing to navigate by, but the unit's beat goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BrokenImu {
+    /// As in [`ImuSample`].
+    pub specific_force_body_m_s2: Option<Vec3>,
+    /// As in [`ImuSample`].
+    pub rate_body_rad_s: Option<Vec3>,
+    /// As in [`ImuSample`].
+    pub interval_s: f64,
+    /// As in [`ImuSample`].
     pub temperature_k: f64,
 }
 

@@ -518,6 +518,7 @@ impl Vehicle {
                 upper_rad: valve.open_angle_rad,
                 backlash_rad: valve.backlash_rad,
                 friction_rad: valve.friction_rad,
+                drive_share: 1.0,
             },
             gimbal_servo: file.gimbal.servo(),
             gimbal: file.gimbal,
@@ -613,7 +614,13 @@ impl Vehicle {
     pub fn gas_supply(&self, stores: &Stores, ambient_pa: f64) -> GasSupply {
         match &self.gas_model {
             GasModel::Distributed => {
-                GasSupply::Distributed(self.nitrogen(stores.nitrogen_kg, stores.nitrous_kg, ambient_pa))
+                let inventory = NitrogenInventory {
+                    total_kg: stores.nitrogen_kg,
+                    ullage_m3: self.ullage_m3(stores.nitrous_kg),
+                    ambient_pa,
+                    regulator_sag_pa: stores.regulator_sag_pa,
+                };
+                GasSupply::Distributed(self.pressurant.distribute(&self.pressurant_gas, &inventory))
             }
             GasModel::Balanced(balance) => GasSupply::Balanced(balance.look(stores)),
         }
@@ -641,10 +648,14 @@ impl Vehicle {
         }
     }
 
-    /// Where the nitrogen is, distributed by algebra.
+    /// Where the nitrogen is under a sound regulator, distributed by algebra.
     pub fn nitrogen(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> NitrogenState {
-        let inventory =
-            NitrogenInventory { total_kg: nitrogen_kg, ullage_m3: self.ullage_m3(nitrous_kg), ambient_pa };
+        let inventory = NitrogenInventory {
+            total_kg: nitrogen_kg,
+            ullage_m3: self.ullage_m3(nitrous_kg),
+            ambient_pa,
+            regulator_sag_pa: 0.0,
+        };
         self.pressurant.distribute(&self.pressurant_gas, &inventory)
     }
 

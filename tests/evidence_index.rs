@@ -6,6 +6,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use hopbench::fault::catalogue;
+
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
@@ -104,4 +106,36 @@ fn every_data_file_names_its_maker() {
         count += 1;
     }
     assert!(count > 15, "{count} files");
+}
+
+/// Every fault of the catalogue stands in the table of README.md once, with its range, and names a test for it that exists.
+#[test]
+fn the_table_of_faults_is_the_catalogue() {
+    let readme = text(&root().join("README.md"));
+    let section = readme.split("\n## ").find(|section| section.starts_with("Faults\n")).unwrap();
+    let mut missing: Vec<_> = catalogue().map(|row| (row.component.name(), row.mode.name(), row)).collect();
+    let mut seen = BTreeSet::new();
+    for line in section.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
+        let [components, mode, value, _, tests] = cells[..] else { panic!("{line}") };
+        let mode = quoted(mode)[0];
+        for component in quoted(components) {
+            assert!(seen.insert((component, mode)), "{component} {mode} stands there twice");
+            let at = missing.iter().position(|(c, m, _)| (*c, *m) == (component, mode));
+            let (_, _, row) = missing.remove(at.unwrap_or_else(|| panic!("no fault {component} {mode}")));
+            let expected = row.value.map_or("–".to_owned(), |q| {
+                format!("{} to {} {}; {}", q.least, q.greatest, q.unit, q.default)
+            });
+            assert_eq!(value, expected, "{component} {mode}");
+            let own = format!("{component}_{mode}");
+            let named = quoted(tests).into_iter().any(|test| {
+                let (file, function) = test.split_once("::").unwrap_or_else(|| panic!("{test}"));
+                let of_this = function == own || function == format!("sensor_{mode}");
+                of_this && tests_of(&text(&root().join(file))).contains(function)
+            });
+            assert!(named, "{component} {mode}: no test of it in {tests}");
+        }
+    }
+    let missing: Vec<_> = missing.iter().map(|(component, mode, _)| (component, mode)).collect();
+    assert!(missing.is_empty(), "not in the table: {missing:?}");
 }

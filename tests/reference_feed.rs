@@ -127,6 +127,7 @@ fn nitrogen_in_bottle_and_tank() {
             total_kg: row["total_kg"],
             ullage_m3: row["ullage_m3"],
             ambient_pa: 101_325.0,
+            regulator_sag_pa: 0.0,
         };
         let now = pressurant.distribute(&gas, &inventory);
         assert_eq!(now.regulated, row["regulated"] == 1.0, "{}", place());

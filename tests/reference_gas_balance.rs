@@ -35,6 +35,7 @@ impl Integrable for Y {
                 nitrogen_kg: at.nitrogen_kg + rate.nitrogen_kg_s * dt_s,
                 nitrous_kg: at.nitrous_kg - (liquid_kg_s + rate.evaporation_kg_s) * dt_s,
                 gas: at.gas + rate.gas * dt_s,
+                regulator_sag_pa: 0.0,
             },
             self.1 + rate.enthalpy_out_w * dt_s,
         )
@@ -70,7 +71,7 @@ fn start(balance: &GasBalance, pressurant: &Pressurant, tank: &Tank) -> Stores {
     let nitrogen_pa = tank.pressure_pa - balance.initial_vapor_pa(tank.temperature_k);
     let density = RealGas::nitrogen().density_kg_m3(nitrogen_pa, tank.temperature_k);
     let nitrogen_kg = bottle_kg + density * tank.ullage_fraction * tank.volume_m3();
-    Stores { nitrogen_kg, nitrous_kg, gas }
+    Stores { nitrogen_kg, nitrous_kg, gas, regulator_sag_pa: 0.0 }
 }
 
 /// The published check: isentropic at 65 % of the mass 121 bar and 225 K, isothermal 177 bar.
@@ -127,7 +128,7 @@ fn a_thin_ullage_expands_like_an_ideal_gas() {
         ullage_k: 300.0,
         liquid_k: 240.0,
     };
-    let at = Stores { nitrogen_kg: tank_kg, nitrous_kg, gas };
+    let at = Stores { nitrogen_kg: tank_kg, nitrous_kg, gas, regulator_sag_pa: 0.0 };
     let out = Withdrawal { liquid_kg_s: 0.5, ..Withdrawal::default() };
     let end = run(&balance, at, out, 5.0, |_| {}).0;
     let growth = volume(end.nitrous_kg) / volume(nitrous_kg);

@@ -1,7 +1,8 @@
 //! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
 //!
 //! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], and are chosen by [`profile`]; [`pace`] is the clock; [`mod@bench`] is the loop.
+//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is the
+//! clock; [`mod@bench`] is the loop; [`ground`] is for those who watch.
 
 // Files.
 pub mod load;
@@ -9,7 +10,16 @@ pub mod load;
 // Bytes.
 pub mod link;
 pub mod mavlink;
+pub mod port;
 mod serial;
+
+// What becomes of them on a bad wire.
+pub mod disruption;
+
+// What may be asked of a bench.
+pub mod desk;
+pub mod failure;
+pub mod parameter;
 
 // Flight controllers and time.
 pub mod pace;
@@ -17,8 +27,15 @@ pub mod realtime;
 
 pub mod planner;
 pub mod profile;
+pub mod px4;
 pub mod stream;
 pub mod yardstick;
+
+// People who watch.
+pub mod ground;
+
+// What is wrong.
+pub mod doctor;
 
 // The run.
 pub mod bench;

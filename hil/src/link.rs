@@ -9,13 +9,17 @@
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
 use std::os::unix::net::UnixStream;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::serial;
+use crate::{port, serial};
 
+/// Rates that serial hardware is made for: 12 Mbaud is the greatest of USB adapters. What a driver makes of
+/// a rate is asked when the port is open.
+const BAUD_RANGE: std::ops::RangeInclusive<u32> = 50..=12_000_000;
 /// Bytes that wait for a slow network peer; about a second of the fullest profile.
 const NETWORK_QUEUE_BYTES: usize = 64 * 1024;
 /// Bytes that wait for a serial line, besides what the system holds: what waits longer is stale.
@@ -69,10 +73,20 @@ pub struct LinkSpecError {
 
 /// A link that cannot be opened.
 #[derive(Debug, thiserror::Error)]
-#[error("{link}: {cause}")]
+#[error("{link}: {failure}")]
 pub struct LinkError {
     /// The link as it was asked for.
     pub link: String,
+    /// Why.
+    pub failure: OpenFailure,
+}
+
+/// Why a port or socket cannot be opened.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{cause}")]
+pub struct OpenFailure {
+    /// What kind of failure the system reports.
+    pub kind: io::ErrorKind,
     /// What the system says, and what to do about it.
     pub cause: String,
 }
@@ -152,7 +166,7 @@ enum Transport {
     /// A serial port behind its thread, or the end of an in-memory pair.
     Pipe {
         stream: Option<UnixStream>,
-        events: Option<Receiver<serial::Event>>,
+        port: Option<serial::Port>,
         ready: bool,
     },
 }
@@ -192,8 +206,14 @@ impl std::str::FromStr for LinkSpec {
                 let Some((path, baud)) = rest.rsplit_once(':') else {
                     return Err(error("no baud rate after the path".to_owned()));
                 };
-                let baud = baud.parse().ok().filter(|b| *b > 0);
-                let baud = baud.ok_or_else(|| error("the baud rate is no positive number".to_owned()))?;
+                let baud = baud.parse().ok().filter(|baud| BAUD_RANGE.contains(baud));
+                let baud = baud.ok_or_else(|| {
+                    error(format!(
+                        "the baud rate is no number from {} to {}",
+                        BAUD_RANGE.start(),
+                        BAUD_RANGE.end()
+                    ))
+                })?;
                 if path.is_empty() {
                     return Err(error("the path is empty".to_owned()));
                 }
@@ -231,16 +251,13 @@ impl Host {
 impl Link {
     /// Opens or starts to listen. Nobody needs to be at the other end yet.
     pub fn open(spec: &LinkSpec) -> Result<Self, LinkError> {
-        let error = |cause: io::Error| LinkError { link: spec.to_string(), cause: explain(&cause) };
+        let error = |cause: io::Error| LinkError { link: spec.to_string(), failure: OpenFailure::of(&cause) };
         let kind = spec.kind();
         let (transport, address) = match spec {
             LinkSpec::Serial { path, baud } => {
-                let (stream, events) =
-                    serial::open(path, *baud).map_err(|cause| LinkError { link: spec.to_string(), cause })?;
-                (
-                    Transport::Pipe { stream: Some(stream), events: Some(events), ready: true },
-                    spec.to_string(),
-                )
+                let (stream, port) = serial::open(path, *baud)
+                    .map_err(|failure| LinkError { link: spec.to_string(), failure })?;
+                (Transport::Pipe { stream: Some(stream), port: Some(port), ready: true }, spec.to_string())
             }
             LinkSpec::Udp(host) => {
                 let peer = host.resolve().map_err(error)?;
@@ -284,7 +301,7 @@ impl Link {
         let (a, b) = UnixStream::pair()?;
         a.set_nonblocking(true)?;
         b.set_nonblocking(true)?;
-        let end = |stream| Transport::Pipe { stream: Some(stream), events: None, ready: true };
+        let end = |stream| Transport::Pipe { stream: Some(stream), port: None, ready: true };
         Ok((Self::over(end(a), "memory".to_owned()), Self::over(end(b), "memory".to_owned())))
     }
 
@@ -302,6 +319,14 @@ impl Link {
     /// The link with the address actually bound, `udp-listen:127.0.0.1:14555`.
     pub fn address(&self) -> &str {
         &self.address
+    }
+
+    /// What was found out about a serial port and set when it was opened, for people.
+    pub fn port_settings(&self) -> Option<&str> {
+        match &self.transport {
+            Transport::Pipe { port: Some(port), .. } => Some(&port.settings),
+            _ => None,
+        }
     }
 
     /// Whether somebody is there to be sent to.
@@ -427,12 +452,12 @@ impl Link {
                     self.notices.push(Notice::Connected(address));
                 }
             }
-            Transport::Pipe { events, ready, .. } => {
-                while let Some(Ok(event)) = events.as_ref().map(Receiver::try_recv) {
+            Transport::Pipe { port, ready, .. } => {
+                while let Some(Ok(event)) = port.as_ref().map(|port| port.events.try_recv()) {
                     match event {
-                        serial::Event::Opened => {
+                        serial::Event::Opened(device) => {
                             *ready = true;
-                            self.notices.push(Notice::Connected(self.address.clone()));
+                            self.notices.push(Notice::Connected(device));
                         }
                         serial::Event::Lost(why) => {
                             *ready = false;
@@ -554,17 +579,32 @@ fn dial(peer: SocketAddr) -> (Receiver<TcpStream>, std::sync::mpsc::Sender<()>) 
     (dialled, redial)
 }
 
-/// What the system says, and what usually helps.
-pub(crate) fn explain(cause: &io::Error) -> String {
-    let hint = match cause.kind() {
-        io::ErrorKind::AddrInUse => "; another program listens there: stop it, or choose another port",
-        io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
-        io::ErrorKind::NotFound => "; no such port or host",
-        io::ErrorKind::PermissionDenied => {
-            "; may this user open it? For a serial port: sudo usermod -aG dialout $USER, then log in again"
+impl OpenFailure {
+    /// What the system says, and what usually helps.
+    pub(crate) fn of(cause: &io::Error) -> Self {
+        let hint = match cause.kind() {
+            io::ErrorKind::AddrInUse => "; another program listens there: stop it, or choose another port",
+            io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
+            io::ErrorKind::NotFound => "; no such port or host",
+            io::ErrorKind::PermissionDenied => {
+                "; may this user open it? For a serial port: sudo usermod -aG dialout $USER, then log in again"
+            }
+            _ => "",
+        };
+        Self { kind: cause.kind(), cause: format!("{cause}{hint}") }
+    }
+
+    /// The same for a device file, with the name of whoever holds it.
+    pub(crate) fn of_port(cause: &io::Error, path: &Path) -> Self {
+        if cause.kind() != io::ErrorKind::ResourceBusy {
+            return Self::of(cause);
         }
-        io::ErrorKind::ResourceBusy => "; another program holds it (a ground station, ModemManager?)",
-        _ => "",
-    };
-    format!("{cause}{hint}")
+        let holders: Vec<String> = port::holders(path).iter().map(ToString::to_string).collect();
+        let held = if holders.is_empty() {
+            "held by another program that this user may not see (a ground station, ModemManager?)".to_owned()
+        } else {
+            format!("held by {}", holders.join(", "))
+        };
+        Self { kind: cause.kind(), cause: format!("{cause}; {held}") }
+    }
 }

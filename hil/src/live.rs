@@ -26,9 +26,13 @@ pub struct Live {
 impl Live {
     /// To stderr: five lines a second on a terminal, where each overwrites the last, else one.
     pub fn stderr() -> Self {
-        let terminal = std::io::stderr().is_terminal();
+        Self::to(std::io::stderr(), std::io::stderr().is_terminal())
+    }
+
+    /// The same to anything that can be written to.
+    pub fn to(out: impl Write + Send + 'static, terminal: bool) -> Self {
         let (lines, received) = sync_channel(64);
-        let thread = std::thread::spawn(move || print(&received, terminal));
+        let thread = std::thread::spawn(move || print(&received, out, terminal));
         let interval_ns = if terminal { 200_000_000 } else { 1_000_000_000 };
         Self { lines: Some(lines), thread: Some(thread), interval_ns, due_ns: 0 }
     }
@@ -69,9 +73,8 @@ impl Drop for Live {
     }
 }
 
-fn print(lines: &Receiver<Line>, terminal: bool) {
+fn print(lines: &Receiver<Line>, mut out: impl Write, terminal: bool) {
     const OVERWRITE: &str = "\r\x1b[K";
-    let mut stderr = std::io::stderr();
     // A live line stands on the terminal without its end.
     let mut open = false;
     for line in lines {
@@ -79,11 +82,11 @@ fn print(lines: &Receiver<Line>, terminal: bool) {
         let stays = !terminal || matches!(line, Line::Notice(_));
         let (Line::Notice(text) | Line::Live(text)) = line;
         // A stderr that has gone away is no reason to stop a run.
-        let _ = write!(stderr, "{start}{text}{}", if stays { "\n" } else { "" });
-        let _ = stderr.flush();
+        let _ = write!(out, "{start}{text}{}", if stays { "\n" } else { "" });
+        let _ = out.flush();
         open = !stays;
     }
     if open {
-        let _ = writeln!(stderr);
+        let _ = writeln!(out);
     }
 }

@@ -23,6 +23,8 @@ enum Command {
     Campaign(command::campaign::Args),
     Engine(command::engine::Args),
     Check(command::check::Args),
+    Doctor(command::doctor::Args),
+    Px4Params(command::px4_params::Args),
 }
 
 const TO_TRY: &str = "Three commands to try:
@@ -45,6 +47,8 @@ fn main() -> ExitCode {
         Some(Command::Campaign(args)) => command::campaign::run(args, common),
         Some(Command::Engine(args)) => command::engine::run(args, common),
         Some(Command::Check(args)) => command::check::run(args, common),
+        Some(Command::Doctor(args)) => command::doctor::run(args, common),
+        Some(Command::Px4Params(args)) => command::px4_params::run(args, common),
     };
     result.unwrap_or_else(|error| {
         eprintln!("{error:#}");

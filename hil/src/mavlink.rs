@@ -14,6 +14,7 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message};
 use hopbench::controls::CHANNEL_COUNT;
 
 pub mod measurement;
+pub mod telemetry;
 
 const MAGIC_1: u8 = 0xFE;
 const MAGIC_2: u8 = 0xFD;
@@ -26,9 +27,14 @@ mod id {
     pub const PARAM_REQUEST_READ: u32 = 20;
     pub const PARAM_REQUEST_LIST: u32 = 21;
     pub const PARAM_SET: u32 = 23;
+    pub const COMMAND_INT: u32 = 75;
     pub const COMMAND_LONG: u32 = 76;
     pub const COMMAND_ACK: u32 = 77;
     pub const HIL_ACTUATOR_CONTROLS: u32 = 93;
+    pub const HIL_SENSOR: u32 = 107;
+    /// HIL_STATE, HIL_CONTROLS, HIL_RC_INPUTS_RAW, HIL_ACTUATOR_CONTROLS, HIL_SENSOR, HIL_GPS, HIL_OPTICAL_FLOW and
+    /// HIL_STATE_QUATERNION.
+    pub const HIL: [u32; 8] = [90, 91, 92, HIL_ACTUATOR_CONTROLS, HIL_SENSOR, 113, 114, 115];
 }
 
 /// One frame whose checksum held.
@@ -53,10 +59,14 @@ pub enum FromFc {
     Controls(ControlsFrame),
     /// HEARTBEAT
     Heartbeat(Heartbeat),
-    /// COMMAND_LONG
+    /// COMMAND_LONG or COMMAND_INT
     Command(Command),
-    /// PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET.
-    Parameters,
+    /// PARAM_REQUEST_LIST, to this system and component.
+    ParameterList(Address),
+    /// PARAM_REQUEST_READ
+    ParameterRead(Address, Which),
+    /// PARAM_SET
+    ParameterSet(Address, String, f32),
     /// Anything else.
     Other(u32),
 }
@@ -83,13 +93,41 @@ pub struct Heartbeat {
     pub base_mode: u8,
 }
 
-/// COMMAND_LONG
+/// System and component; 0 is any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Address {
+    /// System.
+    pub system: u8,
+    /// Component.
+    pub component: u8,
+}
+
+impl Address {
+    /// Whether a message to this address is for `own` too.
+    pub fn reaches(self, own: Self) -> bool {
+        (self.system == 0 || self.system == own.system)
+            && (self.component == 0 || self.component == own.component)
+    }
+}
+
+/// How a parameter is asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Which {
+    /// By its place in the list.
+    Index(u16),
+    /// By its name.
+    Name(String),
+}
+
+/// COMMAND_LONG, or a COMMAND_INT as far as its first four parameters go.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
     /// Number of the command.
     pub command: u16,
-    /// Its seven parameters.
+    /// Its parameters; those left out are NaN.
     pub parameters: [f32; 7],
+    /// Whom it is for.
+    pub to: Address,
     /// Whom to answer.
     pub from: (u8, u8),
 }
@@ -100,10 +138,18 @@ pub const MODE_ARMED: u8 = 0x80;
 pub const MODE_HIL: u8 = 0x20;
 /// MAV_CMD_SET_MESSAGE_INTERVAL
 pub const SET_MESSAGE_INTERVAL: u16 = 511;
-/// HIL_STATE_QUATERNION's number, the one interval that may be asked for.
-pub const HIL_STATE_QUATERNION_ID: u32 = 115;
+/// MAV_CMD_NAV_GUIDED_ENABLE
+pub const GUIDED_ENABLE: u16 = 92;
+/// MAV_CMD_DO_PAUSE_CONTINUE
+pub const PAUSE_CONTINUE: u16 = 193;
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+pub const REBOOT: u16 = 246;
+/// MAV_CMD_INJECT_FAILURE
+pub const INJECT_FAILURE: u16 = 420;
 /// MAV_RESULT_ACCEPTED
 pub const RESULT_ACCEPTED: u8 = 0;
+/// MAV_RESULT_DENIED
+pub const RESULT_DENIED: u8 = 2;
 /// MAV_RESULT_UNSUPPORTED
 pub const RESULT_UNSUPPORTED: u8 = 3;
 
@@ -186,14 +232,23 @@ impl Decoder {
 
     /// The next whole frame, `None` until more bytes come.
     pub fn next_frame(&mut self) -> Option<Frame> {
+        self.next_frame_raw(|_, _| {})
+    }
+
+    /// The same; `raw` sees the bytes of every whole frame with its message number, those of unknown messages too.
+    pub fn next_frame_raw(&mut self, mut raw: impl FnMut(u32, &[u8])) -> Option<Frame> {
         loop {
             let rest = &self.buffer[self.start..];
             if rest.is_empty() {
                 return None;
             }
             match candidate(rest) {
-                Candidate::Whole { length } => return Some(self.take(length)),
+                Candidate::Whole { length } => {
+                    raw(message_id(rest), &rest[..length]);
+                    return Some(self.take(length));
+                }
                 Candidate::Unknown { length } => {
+                    raw(message_id(rest), &rest[..length]);
                     self.counters.unknown += 1;
                     self.start += length;
                 }
@@ -205,12 +260,7 @@ impl Decoder {
                 Candidate::Partial => {
                     // A damaged length may claim bytes that never come, and the other side may be waiting
                     // for an answer to the whole frame that stands behind it.
-                    let behind = (1..rest.len()).find(|&i| match candidate(&rest[i..]) {
-                        Candidate::Whole { length } => {
-                            rest.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2))
-                        }
-                        _ => false,
-                    })?;
+                    let behind = whole_behind(rest)?;
                     self.counters.crc_errors += 1;
                     self.skip(behind);
                 }
@@ -287,6 +337,11 @@ impl Decoder {
     }
 }
 
+/// Message number of a frame whose head is there.
+fn message_id(raw: &[u8]) -> u32 {
+    if raw[0] == MAGIC_2 { message_id_2(raw) } else { raw[5].into() }
+}
+
 fn message_id_2(raw: &[u8]) -> u32 {
     u32::from_le_bytes([raw[7], raw[8], raw[9], 0])
 }
@@ -316,7 +371,7 @@ fn candidate(bytes: &[u8]) -> Candidate {
     }
     let payload_end = header + usize::from(bytes[1]);
     let length = payload_end + 2 + if flags & SIGNED != 0 { SIGNATURE_BYTES } else { 0 };
-    let id = if header == 10 { message_id_2(bytes) } else { bytes[5].into() };
+    let id = message_id(bytes);
     let known = MavMessage::default_message_from_id(id).is_some();
     if bytes.len() < length {
         return Candidate::Partial;
@@ -337,7 +392,52 @@ fn candidate(bytes: &[u8]) -> Candidate {
     if fits { Candidate::Unknown { length } } else { Candidate::Nothing }
 }
 
+/// Where a whole frame stands behind one whose end has not arrived.
+fn whole_behind(bytes: &[u8]) -> Option<usize> {
+    (1..bytes.len()).find(|&i| match candidate(&bytes[i..]) {
+        Candidate::Whole { length } => bytes.get(i + length).is_none_or(|b| matches!(*b, MAGIC_1 | MAGIC_2)),
+        _ => false,
+    })
+}
+
+/// The next piece of a stream of bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cut {
+    /// A whole frame of this length.
+    Frame(usize),
+    /// So many bytes that belong to none.
+    Noise(usize),
+}
+
+/// Cuts a stream as [`Decoder`] reads it; `None` until more bytes come.
+pub(crate) fn cut(bytes: &[u8]) -> Option<Cut> {
+    if bytes.is_empty() {
+        return None;
+    }
+    match candidate(bytes) {
+        Candidate::Whole { length } | Candidate::Unknown { length } => Some(Cut::Frame(length)),
+        Candidate::Damaged | Candidate::Nothing => Some(Cut::Noise(1)),
+        Candidate::Partial => whole_behind(bytes).map(Cut::Noise),
+    }
+}
+
+/// Time of the sample that a whole frame is, if it is a HIL_SENSOR, or answers, if it is a
+/// HIL_ACTUATOR_CONTROLS (us).
+pub(crate) fn sample_time_us(frame: &[u8]) -> Option<u64> {
+    let (id, payload) = match frame[0] {
+        MAGIC_2 => (message_id_2(frame), &frame[10..10 + usize::from(frame[1])]),
+        _ => (frame[5].into(), &frame[6..6 + usize::from(frame[1])]),
+    };
+    matches!(id, id::HIL_SENSOR | id::HIL_ACTUATOR_CONTROLS)
+        .then(|| u64::from_le_bytes(Payload(payload).bytes(0)))
+}
+
 impl Frame {
+    /// Whether it came as MAVLink 1.
+    pub fn is_version_1(&self) -> bool {
+        self.version == MavlinkVersion::V1
+    }
+
     /// As a message of the crate; `None` when it holds an enumerator that the crate does not know.
     pub fn message(&self) -> Option<MavMessage> {
         MavMessage::parse(self.version, self.message_id, &self.payload).ok()
@@ -357,15 +457,57 @@ impl Frame {
                 autopilot: field.bytes::<1>(5)[0],
                 base_mode: field.bytes::<1>(6)[0],
             }),
-            id::COMMAND_LONG => FromFc::Command(Command {
-                parameters: std::array::from_fn(|i| f32::from_le_bytes(field.bytes(4 * i))),
-                command: u16::from_le_bytes(field.bytes(28)),
-                from: (self.system_id, self.component_id),
+            id::COMMAND_LONG => self.command(|i| f32::from_le_bytes(field.bytes(4 * i))),
+            // Parameters 5 and 6 are scaled by what the command is; none that is obeyed here has them.
+            id::COMMAND_INT => self.command(|i| match i {
+                0..4 => f32::from_le_bytes(field.bytes(4 * i)),
+                _ => f32::NAN,
             }),
-            id::PARAM_REQUEST_LIST | id::PARAM_REQUEST_READ | id::PARAM_SET => FromFc::Parameters,
+            id::PARAM_REQUEST_LIST => FromFc::ParameterList(field.address(0)),
+            id::PARAM_REQUEST_READ => {
+                let which = match i16::from_le_bytes(field.bytes(0)) {
+                    0.. => Which::Index(u16::from_le_bytes(field.bytes(0))),
+                    _ => Which::Name(field.name(4)),
+                };
+                FromFc::ParameterRead(field.address(2), which)
+            }
+            id::PARAM_SET => {
+                FromFc::ParameterSet(field.address(4), field.name(6), f32::from_le_bytes(field.bytes(0)))
+            }
             other => FromFc::Other(other),
         }
     }
+
+    fn command(&self, parameter: impl FnMut(usize) -> f32) -> FromFc {
+        let field = Payload(&self.payload);
+        FromFc::Command(Command {
+            parameters: std::array::from_fn(parameter),
+            command: u16::from_le_bytes(field.bytes(28)),
+            to: field.address(30),
+            from: (self.system_id, self.component_id),
+        })
+    }
+
+    /// Whom the message names as its target; any, where it names none.
+    pub fn target(&self) -> Address {
+        let field = Payload(&self.payload);
+        match self.message_id {
+            id::COMMAND_LONG | id::COMMAND_INT => field.address(30),
+            id::PARAM_REQUEST_LIST => field.address(0),
+            id::PARAM_REQUEST_READ => field.address(2),
+            id::PARAM_SET => field.address(4),
+            _ => {
+                let message = self.message();
+                let of = |id: fn(&MavMessage) -> Option<u8>| message.as_ref().and_then(id).unwrap_or(0);
+                Address { system: of(|m| m.target_system_id()), component: of(|m| m.target_component_id()) }
+            }
+        }
+    }
+}
+
+/// Whether a message belongs to the loop between plant and flight controller and to nobody else.
+pub fn is_hil(message_id: u32) -> bool {
+    id::HIL.contains(&message_id)
 }
 
 /// A payload whose trailing zeros the sender may have cut.
@@ -374,6 +516,18 @@ struct Payload<'a>(&'a [u8]);
 impl Payload<'_> {
     fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
         std::array::from_fn(|i| self.0.get(offset + i).copied().unwrap_or(0))
+    }
+
+    fn address(&self, offset: usize) -> Address {
+        let [system, component] = self.bytes(offset);
+        Address { system, component }
+    }
+
+    /// Name of a parameter: up to a zero, 16 bytes at most.
+    fn name(&self, offset: usize) -> String {
+        let bytes: [u8; 16] = self.bytes(offset);
+        let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
+        String::from_utf8_lossy(&bytes[..end]).into_owned()
     }
 }
 
@@ -464,6 +618,27 @@ pub fn heartbeat(base_mode: u8) -> MavMessage {
     })
 }
 
+/// COMMAND_LONG that tells a system and component to boot anew.
+pub fn reboot(to: (u8, u8)) -> MavMessage {
+    MavMessage::COMMAND_LONG(dialect::COMMAND_LONG_DATA {
+        param1: 1.0, // 1: the autopilot
+        command: dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+        target_system: to.0,
+        target_component: to.1,
+        ..Default::default()
+    })
+}
+
+/// Whether a message tells this system and component to boot anew.
+pub fn is_reboot(message: &MavMessage, own: (u8, u8)) -> bool {
+    let MavMessage::COMMAND_LONG(data) = message else { return false };
+    let reaches = |target: u8, own: u8| target == 0 || target == own;
+    data.command == dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+        && data.param1 == 1.0
+        && reaches(data.target_system, own.0)
+        && reaches(data.target_component, own.1)
+}
+
 /// SYSTEM_TIME; the Unix time is unknown to a simulated clock, hence 0.
 pub fn system_time(time_us: u64) -> MavMessage {
     MavMessage::SYSTEM_TIME(dialect::SYSTEM_TIME_DATA {
@@ -472,10 +647,39 @@ pub fn system_time(time_us: u64) -> MavMessage {
     })
 }
 
-/// The answer to any parameter request: there are none.
-pub fn no_parameters() -> MavMessage {
-    MavMessage::PARAM_VALUE(dialect::PARAM_VALUE_DATA { param_index: u16::MAX, ..Default::default() })
+/// PARAM_VALUE, always as a 32-bit float, so that nobody has to guess how an integer is packed.
+pub fn parameter_value(name: &str, value: f64, index: u16, count: u16) -> MavMessage {
+    MavMessage::PARAM_VALUE(dialect::PARAM_VALUE_DATA {
+        param_value: value as f32,
+        param_count: count,
+        param_index: index,
+        param_id: name.into(),
+        param_type: dialect::MavParamType::MAV_PARAM_TYPE_REAL32,
+    })
 }
+
+/// How grave a text is.
+pub use dialect::MavSeverity as Severity;
+
+/// STATUSTEXT, in as many pieces of 50 bytes as it takes; `id` ties them together and is not 0.
+pub fn status_text(severity: Severity, text: &str, id: u16) -> Vec<MavMessage> {
+    // The field holds bytes; what is not ASCII would be cut in the middle of a letter.
+    let text: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
+    let pieces: Vec<&[u8]> = text.as_bytes().chunks(TEXT_BYTES).collect();
+    let id = if pieces.len() > 1 { id.max(1) } else { 0 };
+    let message = |(i, piece): (usize, &&[u8])| {
+        MavMessage::STATUSTEXT(dialect::STATUSTEXT_DATA {
+            severity,
+            text: String::from_utf8_lossy(piece).as_ref().into(),
+            id,
+            chunk_seq: u8::try_from(i).unwrap_or(u8::MAX),
+        })
+    };
+    pieces.iter().take(usize::from(u8::MAX)).enumerate().map(message).collect()
+}
+
+/// Text of one STATUSTEXT.
+const TEXT_BYTES: usize = 50;
 
 /// Milliseconds of a 32-bit field, which wraps after 49 days as the protocol has it.
 pub(crate) fn milliseconds(time_us: u64) -> u32 {
@@ -643,7 +847,12 @@ mod tests {
 
     #[test]
     fn an_acknowledgement_is_what_the_crate_reads() {
-        let command = Command { command: SET_MESSAGE_INTERVAL, parameters: [0.0; 7], from: (1, 1) };
+        let command = Command {
+            command: SET_MESSAGE_INTERVAL,
+            parameters: [0.0; 7],
+            to: Address { system: 1, component: 200 },
+            from: (1, 1),
+        };
         let mut bytes = Vec::new();
         Encoder::new(1, 200).encode_ack(&command, RESULT_UNSUPPORTED, &mut bytes);
         let (frames, _) = decode(&bytes);

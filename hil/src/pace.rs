@@ -41,6 +41,8 @@ const WORST: usize = 16;
 pub struct RealTime {
     origin_ns: u64,
     origin_us: u64,
+    /// Simulated time to a second of the wall clock.
+    speed: f64,
     step_us: u64,
     lateness: Distribution,
     /// The same since it was last asked for.
@@ -83,10 +85,25 @@ struct Spell {
 struct Tie {
     start_ns: u64,
     start_us: u64,
+    /// What the simulated time before `start_us` took at its speed.
+    before_ns: u64,
     woke_ns: u64,
     due_us: u64,
     late_ns: u64,
     slipped_before_ns: u64,
+}
+
+impl Tie {
+    /// What simulated time from the beginning to `time_us` takes at a speed (ns).
+    fn simulated_ns(&self, time_us: u64, speed: f64) -> u64 {
+        self.before_ns + (time_us.saturating_sub(self.start_us) as f64 * 1e3 / speed) as u64
+    }
+
+    /// Simulated time was at `from_us` and is at `to_us`, in no time.
+    fn jump(&mut self, from_us: u64, to_us: u64, speed: f64) {
+        self.before_ns = self.simulated_ns(from_us, speed);
+        (self.start_us, self.due_us) = (to_us, to_us);
+    }
 }
 
 /// Wall time against simulated time, from where they were tied to the last step waited for.
@@ -94,7 +111,7 @@ struct Tie {
 pub struct Account {
     /// Wall time (ns).
     pub wall_ns: u64,
-    /// Simulated time (ns).
+    /// Simulated time, as long as it takes at its speed (ns).
     pub simulated_ns: u64,
     /// Slips (ns).
     pub slipped_ns: u64,
@@ -116,6 +133,7 @@ impl RealTime {
         Self {
             origin_ns: now,
             origin_us: time_us,
+            speed: 1.0,
             step_us,
             lateness: Distribution::new(),
             recent: Distribution::new(),
@@ -134,6 +152,7 @@ impl RealTime {
         self.tied = Some(Tie {
             start_ns: now,
             start_us: time_us,
+            before_ns: 0,
             woke_ns: now,
             due_us: time_us,
             late_ns: 0,
@@ -160,9 +179,34 @@ impl RealTime {
         }
     }
 
+    /// From `time_us` on, which is due when it was, simulated time runs at this multiple of the wall clock.
+    pub fn set_speed(&mut self, speed: f64, time_us: u64) {
+        (self.origin_ns, self.origin_us) = (self.deadline_ns(time_us), time_us);
+        if let Some(tied) = &mut self.tied {
+            tied.jump(time_us, time_us, self.speed);
+        }
+        self.speed = speed;
+    }
+
+    /// Simulated time has stood at `from_us` until now on purpose, and goes on at `to_us`.
+    pub fn go_on(&mut self, from_us: u64, to_us: u64) {
+        let (now, deadline_ns) = (now_ns(), self.deadline_ns(from_us));
+        if let Some(tied) = &mut self.tied {
+            let stood_ns = now.saturating_sub(deadline_ns);
+            tied.jump(from_us, to_us, self.speed);
+            (tied.start_ns, tied.woke_ns) = (tied.start_ns + stood_ns, tied.woke_ns + stood_ns);
+        }
+        (self.origin_ns, self.origin_us) = (now.max(deadline_ns), to_us);
+    }
+
+    /// Simulated time to a second of the wall clock.
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
     /// When `time_us` is due on the monotonic clock (ns).
     pub fn deadline_ns(&self, time_us: u64) -> u64 {
-        self.origin_ns + time_us.saturating_sub(self.origin_us) * 1000
+        self.origin_ns + (time_us.saturating_sub(self.origin_us) as f64 * 1e3 / self.speed) as u64
     }
 
     /// Sleeps until `time_us` is due, and accounts for how late it has become.
@@ -241,7 +285,7 @@ impl RealTime {
     pub fn balance(&self) -> Option<Account> {
         self.tied.map(|tied| Account {
             wall_ns: tied.woke_ns - tied.start_ns,
-            simulated_ns: (tied.due_us - tied.start_us) * 1000,
+            simulated_ns: tied.simulated_ns(tied.due_us, self.speed),
             slipped_ns: self.overruns.slipped_ns - tied.slipped_before_ns,
             late_ns: tied.late_ns,
         })

@@ -1,6 +1,8 @@
 //! The built-in autopilot as a MAVLink flight controller: HIL messages in, HIL_ACTUATOR_CONTROLS out.
 //!
-//! It speaks through the same codec and links as any other controller and knows no more than they do.
+//! It speaks through the same codec and links as any other controller and knows no more than they do. Told to
+//! boot anew it forgets everything, is silent for as long as that takes, and begins disarmed; samples that the
+//! wire repeats or delivers out of order are left alone.
 
 use std::time::{Duration, Instant};
 
@@ -11,8 +13,11 @@ use hopbench::time::SimTime;
 
 use crate::bench::Belief;
 use crate::link::{Link, Notice};
-use crate::mavlink::measurement::Gatherer;
-use crate::mavlink::{ControlsFrame, Decoder, Encoder, MODE_ARMED, MODE_HIL, actuator_controls, heartbeat};
+use crate::mavlink::measurement::{Gatherer, is_reset};
+use crate::mavlink::{
+    ControlsFrame, Decoder, Encoder, Frame, FromFc, MODE_ARMED, MODE_HIL, MavMessage, RESULT_ACCEPTED,
+    actuator_controls, heartbeat, is_reboot,
+};
 use crate::planner::Planner;
 
 /// MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, as PX4 sets it.
@@ -21,6 +26,12 @@ const MODE_CUSTOM: u8 = 1;
 const FLAG_LOCKSTEP: u64 = 1;
 /// A plant that was there and is silent for this long has ended.
 const PLANT_SILENCE: Duration = Duration::from_secs(3);
+/// System and component.
+const ADDRESS: (u8, u8) = (1, 1);
+/// From the first sample after a reboot to the first answer, in the plant's time: boards take some seconds.
+const BOOT: SimTime = SimTime::from_us(2_000_000);
+/// A plant's clock that goes back by more than this has been set anew; by less, the sample is an old one.
+const REORDERED: SimTime = SimTime::from_us(1_000_000);
 
 /// The built-in autopilot at the end of a link.
 pub struct Pilot {
@@ -36,8 +47,21 @@ pub struct Pilot {
     sent: u64,
     armed: bool,
     last: Option<SimTime>,
+    boot: Boot,
+    /// Leaves when the plant falls silent.
+    leaves: bool,
     next_heartbeat: Instant,
     out: Vec<u8>,
+}
+
+/// Whether it is up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Boot {
+    Done,
+    /// Nothing heard since.
+    Begun,
+    /// Done at this time of the plant.
+    Until(SimTime),
 }
 
 impl Pilot {
@@ -54,13 +78,22 @@ impl Pilot {
             scale,
             gatherer: Gatherer::default(),
             decoder: Decoder::default(),
-            encoder: Encoder::new(1, 1),
+            encoder: Encoder::new(ADDRESS.0, ADDRESS.1),
             sent: 0,
             armed: false,
             last: None,
+            boot: Boot::Done,
+            leaves: true,
             next_heartbeat: Instant::now(),
             out: Vec::with_capacity(512),
         })
+    }
+
+    /// Stays however long its plant is silent: whoever started it says when to stop.
+    #[must_use]
+    pub fn staying(mut self) -> Self {
+        self.leaves = false;
+        self
     }
 
     /// Flies until `stop` says so, or until the plant is gone. `tell` hears what is believed.
@@ -74,16 +107,25 @@ impl Pilot {
             let hung_up = link.take_notices().iter().any(|n| matches!(n, Notice::Disconnected(_)));
             self.decoder.push(&received);
             while let Some(frame) = self.decoder.next_frame() {
+                // Whoever speaks is there, though simulated time may stand.
+                fed = Instant::now();
                 let Some(message) = frame.message() else { continue };
-                if let Some(measurement) = self.gatherer.take(&message) {
-                    fed = Instant::now();
+                if is_reset(&message) {
+                    self.forget();
+                }
+                if is_reboot(&message, ADDRESS) {
+                    self.reboot(&frame, link);
+                } else if self.is_up(&message)
+                    && let Some(measurement) = self.gatherer.take(&message)
+                {
                     self.answer(&measurement);
                     self.sent += u64::from(link.send(&self.out));
                     tell(self.belief());
                 }
             }
             self.beat(link);
-            if self.last.is_some() && (hung_up || fed.elapsed() > PLANT_SILENCE) {
+            let silent = self.leaves && fed.elapsed() > PLANT_SILENCE;
+            if self.last.is_some() && (hung_up || silent) {
                 return;
             }
         }
@@ -99,12 +141,40 @@ impl Pilot {
         self.last.is_some()
     }
 
+    /// Says that it will, and then is a controller that was just switched on.
+    fn reboot(&mut self, asked: &Frame, link: &mut Link) {
+        if let FromFc::Command(command) = asked.from_fc() {
+            self.out.clear();
+            self.encoder.encode_ack(&command, RESULT_ACCEPTED, &mut self.out);
+            self.sent += u64::from(link.send(&self.out));
+        }
+        self.autopilot = self.fresh.clone();
+        self.planner.forget();
+        self.gatherer = Gatherer::default();
+        self.encoder = Encoder::new(ADDRESS.0, ADDRESS.1);
+        self.armed = false;
+        self.boot = Boot::Begun;
+    }
+
+    /// Whether it is up and the message no old sample.
+    fn is_up(&mut self, message: &MavMessage) -> bool {
+        let MavMessage::HIL_SENSOR(sample) = message else { return self.boot == Boot::Done };
+        let now = SimTime::from_us(sample.time_usec);
+        match self.boot {
+            Boot::Begun => self.boot = Boot::Until(now + BOOT),
+            Boot::Until(done) if now >= done => self.boot = Boot::Done,
+            _ => {}
+        }
+        // A gap of zero: not later than the last.
+        let old = self.last.is_some_and(|last| now <= last && last.since(now) <= REORDERED);
+        self.boot == Boot::Done && !old
+    }
+
     /// One HIL_SENSOR, one answer, in `out`.
     fn answer(&mut self, measurement: &Measurement) {
         if self.last.is_some_and(|last| measurement.time < last) {
-            // Another flight on the same link.
-            self.autopilot = self.fresh.clone();
-            self.planner.forget();
+            // A clock set anew: another flight on the same link.
+            self.forget();
         }
         self.last = Some(measurement.time);
         self.planner.deliver(&mut self.autopilot, measurement.time);
@@ -123,10 +193,17 @@ impl Pilot {
         self.encoder.encode(&actuator_controls(&frame), &mut self.out);
     }
 
+    /// Begins anew, as after a boot.
+    fn forget(&mut self) {
+        self.autopilot = self.fresh.clone();
+        self.planner.forget();
+        self.armed = false;
+    }
+
     /// Once a second, and faster until the plant has spoken: whoever listens answers only who writes.
     fn beat(&mut self, link: &mut Link) {
         let now = Instant::now();
-        if now < self.next_heartbeat {
+        if now < self.next_heartbeat || self.boot != Boot::Done {
             return;
         }
         self.next_heartbeat = now + Duration::from_millis(if self.last.is_some() { 1000 } else { 50 });
@@ -142,6 +219,7 @@ impl Pilot {
             reference_ned_m: self.autopilot.reference().position_ned_m,
             estimate_ned_m: self.autopilot.estimate().position_ned_m,
             abort: self.autopilot.abort(),
+            time: self.last.unwrap_or(SimTime::ZERO),
         }
     }
 }

@@ -26,8 +26,10 @@ pub struct Profile {
     pub needs_hil_flag: bool,
     /// Whether it may ask for the true state.
     pub truth_on_request: bool,
-    /// Whether COMMAND_LONG is acknowledged and parameter requests answered.
+    /// Whether the services of the bench are open to it: commands are acknowledged, parameters answered.
     pub answers: bool,
+    /// Whether a new flight may begin while it is armed. A board that finds itself elsewhere would fly.
+    pub resets_armed: bool,
     /// ODOMETRY, the rig's tracking, at most at this rate (Hz).
     pub odometry_hz: Option<f64>,
     /// NAMED_VALUE_FLOAT of each pressure, at most at this rate (Hz).
@@ -69,6 +71,7 @@ pub const PX4_SITL: Profile = Profile {
     needs_hil_flag: false,
     truth_on_request: true,
     answers: false,
+    resets_armed: false,
     odometry_hz: None,
     pressure_hz: None,
     system_time_hz: None,
@@ -98,6 +101,7 @@ pub const GENERIC: Profile = Profile {
     needs_hil_flag: false,
     truth_on_request: true,
     answers: true,
+    resets_armed: true,
     odometry_hz: Some(50.0),
     pressure_hz: Some(50.0),
     system_time_hz: Some(1.0),
@@ -214,8 +218,8 @@ pub enum Budget {
     },
 }
 
-/// Frame lengths on the wire [byte], untruncated.
-mod frame_bytes {
+/// Frame lengths on the wire (byte), untruncated.
+pub(crate) mod frame_bytes {
     pub const HIL_SENSOR: f64 = 77.0;
     pub const HIL_GPS: f64 = 51.0;
     pub const DISTANCE_SENSOR: f64 = 51.0;
@@ -223,10 +227,12 @@ mod frame_bytes {
     pub const ODOMETRY: f64 = 245.0;
     pub const NAMED_VALUE_FLOAT: f64 = 30.0;
     pub const SYSTEM_TIME: f64 = 24.0;
+    pub const HIL_STATE_QUATERNION: f64 = 76.0;
+    pub const DEBUG_FLOAT_ARRAY: f64 = 264.0;
 }
 
 impl Profile {
-    /// Bytes a second to the flight controller, the true state not counted.
+    /// Bytes a second to the flight controller, without what it may ask for.
     pub fn bytes_per_s(&self, rates: &SensorRates) -> f64 {
         rates.imu_hz * frame_bytes::HIL_SENSOR
             + rates.gnss_hz * frame_bytes::HIL_GPS
@@ -235,6 +241,11 @@ impl Profile {
             + self.odometry_hz.unwrap_or(0.0) * frame_bytes::ODOMETRY
             + self.pressure_hz.unwrap_or(0.0) * 3.0 * frame_bytes::NAMED_VALUE_FLOAT
             + self.system_time_hz.unwrap_or(0.0) * frame_bytes::SYSTEM_TIME
+    }
+
+    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to 90 % of it.
+    pub fn spare_bytes_s(&self, rates: &SensorRates, baud: u32) -> f64 {
+        (0.9 * f64::from(baud) / 10.0 - self.bytes_per_s(rates)).max(0.0)
     }
 
     /// Whether the profile fits a serial line of `baud` symbols a second, ten to a byte.

@@ -68,6 +68,12 @@ pub fn summary(report: &Report) -> String {
     let outcome = serde_json::to_value(report.outcome).ok();
     let outcome = outcome.as_ref().and_then(|o| o.as_str()).unwrap_or("?");
     line(format!("{} (seed {}): {outcome}", report.scenario, report.seed));
+    for change in &report.modified {
+        line(format!("MODIFIED       {change}"));
+    }
+    if !report.faults_idle.is_empty() {
+        line(format!("never began    {}", report.faults_idle.join(", ")));
+    }
     for event in &report.events {
         line(format!("  {:>8.3} s  {:<18} {}", event.time_s, event.name, event.detail));
     }

@@ -3,26 +3,36 @@
 //! The slow messages of an instant come before its HIL_SENSOR, which completes it: a controller that
 //! answers HIL_SENSOR has then seen everything that belongs to it.
 
+use hopbench::plant::Snapshot;
 use hopbench::signal::Measurement;
 use hopbench::time::SimTime;
 
 use crate::mavlink::measurement::{
     TrueState, distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry,
-    pressure,
+    pressure, reset_mark,
 };
-use crate::mavlink::{
-    Command, Encoder, FromFc, HIL_STATE_QUATERNION_ID, MavMessage, RESULT_ACCEPTED, RESULT_UNSUPPORTED,
-    SET_MESSAGE_INTERVAL, heartbeat, no_parameters, system_time,
-};
-use crate::profile::{Heartbeat, Profile};
+use crate::mavlink::telemetry::{PLANT_ARRAY_ID, plant_array};
+use crate::mavlink::{Address, Command, Encoder, MavMessage, heartbeat, reboot, system_time};
+use crate::profile::{Heartbeat, Profile, frame_bytes};
 
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
-const SYSTEM_ID: u8 = 1;
-const COMPONENT_ID: u8 = 200;
+pub const ADDRESS: Address = Address { system: 1, component: 200 };
+
+/// Messages whose rate may be asked for.
+mod id {
+    pub const SYSTEM_TIME: u32 = 2;
+    pub const HIL_STATE_QUATERNION: u32 = 115;
+    pub const NAMED_VALUE_FLOAT: u32 = 251;
+    pub const ODOMETRY: u32 = 331;
+}
+
 /// Interval of the true state when it is asked for without one (us).
 const TRUTH_DEFAULT_US: u64 = 20_000;
 /// Least interval of the true state: the plant's step (us).
 const TRUTH_LEAST_US: u64 = 1_000;
+/// Interval of the plant's floats when they are asked for without one, and the least (us).
+const PLANT_DEFAULT_US: u64 = 100_000;
+const PLANT_LEAST_US: u64 = 4_000;
 /// Names of three pressures; each is due on its own.
 const PRESSURES: usize = 3;
 
@@ -32,27 +42,33 @@ pub struct Streams {
     profile: &'static Profile,
     encoder: Encoder,
     heartbeat: Timer,
-    system_time: Timer,
-    odometry: Timer,
-    pressures: [Timer; PRESSURES],
+    system_time: Option<Timer>,
+    odometry: Option<Timer>,
+    pressures: Option<[Timer; PRESSURES]>,
     truth: Option<Timer>,
+    plant: Option<Timer>,
     bytes: Vec<u8>,
 }
 
 /// Says when something is due again; the first time anchors the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Timer {
+pub struct Timer {
     interval_us: u64,
     due_us: Option<u64>,
 }
 
 impl Timer {
-    fn every_s(seconds: f64) -> Self {
-        Self { interval_us: (seconds * 1e6).round() as u64, due_us: None }
+    /// Due at once, and from then on at this interval.
+    pub fn every_us(interval_us: u64) -> Self {
+        Self { interval_us, due_us: None }
+    }
+
+    fn at_hz(hz: f64) -> Self {
+        Self::every_us((1e6 / hz).round() as u64)
     }
 
     /// Whether it is due; if so, it is due again an interval later.
-    fn fires(&mut self, now: SimTime) -> bool {
+    pub fn fires(&mut self, now: SimTime) -> bool {
         let due_us = self.due_us.unwrap_or(now.us());
         if now.us() < due_us {
             return false;
@@ -63,20 +79,25 @@ impl Timer {
             Some(if next_us > now.us() { next_us } else { now.us().saturating_add(self.interval_us) });
         true
     }
+
+    fn hz(&self) -> f64 {
+        1e6 / self.interval_us as f64
+    }
 }
 
 impl Streams {
     /// Nothing sent yet.
     pub fn new(profile: &'static Profile) -> Self {
-        let rate = |hz: Option<f64>| Timer::every_s(hz.map_or(f64::INFINITY, |hz| 1.0 / hz));
+        let Address { system, component } = ADDRESS;
         Self {
             profile,
-            encoder: Encoder::new(SYSTEM_ID, COMPONENT_ID),
-            heartbeat: Timer::every_s(1.0),
-            system_time: rate(profile.system_time_hz),
-            odometry: rate(profile.odometry_hz),
-            pressures: [rate(profile.pressure_hz); PRESSURES],
+            encoder: Encoder::new(system, component),
+            heartbeat: Timer::every_us(1_000_000),
+            system_time: profile.system_time_hz.map(Timer::at_hz),
+            odometry: profile.odometry_hz.map(Timer::at_hz),
+            pressures: profile.pressure_hz.map(|hz| [Timer::at_hz(hz); PRESSURES]),
             truth: None,
+            plant: None,
             bytes: Vec::with_capacity(1024),
         }
     }
@@ -96,30 +117,34 @@ impl Streams {
         self.put(&heartbeat(0));
     }
 
+    /// Tells the flight controller to boot anew.
+    pub fn put_reboot(&mut self, to: (u8, u8)) {
+        self.put(&reboot(to));
+    }
+
     /// Everything of one instant.
     pub fn put_measurement(&mut self, measurement: &Measurement) {
         let now = measurement.time;
         if self.profile.heartbeat != Heartbeat::Never && self.heartbeat.fires(now) {
             self.put_heartbeat();
         }
-        if self.profile.system_time_hz.is_some() && self.system_time.fires(now) {
+        if self.system_time.as_mut().is_some_and(|timer| timer.fires(now)) {
             self.put(&system_time(now.us()));
         }
         let slow = [hil_gps(measurement), distance_sensor(measurement)];
         slow.iter().flatten().for_each(|message| self.put(message));
-        if self.profile.odometry_hz.is_some()
+        if let Some(timer) = &mut self.odometry
             && let Some(message) = odometry(measurement)
-            && self.odometry.fires(now)
+            && timer.fires(now)
         {
             self.put(&message);
         }
-        if self.profile.pressure_hz.is_some() {
-            for (i, (name, value)) in named_pressures(&measurement.pressures).into_iter().enumerate() {
-                if let Some(pressure_pa) = value
-                    && self.pressures[i].fires(now)
-                {
-                    self.put(&pressure(name, pressure_pa, now.us()));
-                }
+        for (i, (name, value)) in named_pressures(&measurement.pressures).into_iter().enumerate() {
+            if let Some(timers) = &mut self.pressures
+                && let Some(pressure_pa) = value
+                && timers[i].fires(now)
+            {
+                self.put(&pressure(name, pressure_pa, now.us()));
             }
         }
         if let Some(message) = hil_sensor(measurement) {
@@ -134,40 +159,77 @@ impl Streams {
         }
     }
 
-    /// Answers what a flight controller asks.
-    pub fn answer(&mut self, said: &FromFc, now: SimTime) {
-        match said {
-            FromFc::Command(command) => {
-                let result = self.obey(command, now);
-                if self.profile.answers {
-                    self.encoder.encode_ack(command, result, &mut self.bytes);
-                }
-            }
-            FromFc::Parameters if self.profile.answers => self.put(&no_parameters()),
-            _ => {}
+    /// The plant's floats, if they were asked for and are due.
+    pub fn put_plant(&mut self, now: SimTime, plant: &Snapshot) {
+        if self.plant.as_mut().is_some_and(|timer| timer.fires(now)) {
+            self.put(&plant_array(plant, now.us()));
         }
     }
 
-    /// The one command a simulator obeys is for the interval of the true state.
-    fn obey(&mut self, command: &Command, now: SimTime) -> u8 {
-        let [message, interval_us, ..] = command.parameters;
-        if command.command != SET_MESSAGE_INTERVAL
-            || message != HIL_STATE_QUATERNION_ID as f32
-            || !self.profile.truth_on_request
-        {
-            return RESULT_UNSUPPORTED;
-        }
-        self.truth = if interval_us < 0.0 {
-            None
-        } else {
-            // 0 asks for the default; `as` saturates and turns NaN into 0.
-            let interval_us = match interval_us as u64 {
-                0 => TRUTH_DEFAULT_US,
-                asked => asked.max(TRUTH_LEAST_US),
-            };
-            Some(Timer { interval_us, due_us: Some(now.us().saturating_add(interval_us)) })
+    /// The mark of a new flight.
+    pub fn put_reset(&mut self, now: SimTime) {
+        self.put(&reset_mark(now.us()));
+    }
+
+    /// Any other message; its length on the wire.
+    pub fn put_service(&mut self, message: &MavMessage) -> usize {
+        let before = self.bytes.len();
+        self.put(message);
+        self.bytes.len() - before
+    }
+
+    /// COMMAND_ACK
+    pub fn put_ack(&mut self, command: &Command, result: u8) {
+        self.encoder.encode_ack(command, result, &mut self.bytes);
+    }
+
+    /// A frame of somebody else, as it came.
+    pub fn put_raw(&mut self, raw: &[u8]) {
+        self.bytes.extend_from_slice(raw);
+    }
+
+    /// Sets how often a message comes (us), from `now` on: `None` never, 0 its default. A rate beyond what the
+    /// sensors have, or beyond `spare_bytes_s` of the line, is not taken.
+    ///
+    /// # Errors
+    /// When the message is none whose rate this profile leaves to its controller, or does not fit the line.
+    pub fn set_interval(
+        &mut self,
+        message: u32,
+        interval_us: Option<u64>,
+        now: SimTime,
+        spare_bytes_s: f64,
+    ) -> Result<(), Refusal> {
+        let (profile, answers) = (self.profile, self.profile.answers);
+        let timer = |default_us: u64, least_us: u64| {
+            interval_us.map(|us| {
+                let interval_us = if us == 0 { default_us } else { us.max(least_us) };
+                Timer { interval_us, due_us: Some(now.us().saturating_add(interval_us)) }
+            })
         };
-        RESULT_ACCEPTED
+        let own = |hz: f64| timer((1e6 / hz) as u64, (1e6 / hz) as u64);
+        match (message, profile.odometry_hz, profile.pressure_hz, profile.system_time_hz) {
+            (id::HIL_STATE_QUATERNION, ..) if profile.truth_on_request => {
+                let truth = timer(TRUTH_DEFAULT_US, TRUTH_LEAST_US);
+                fits(&[truth, None], &[None, self.plant], spare_bytes_s)?;
+                self.truth = truth;
+            }
+            (PLANT_ARRAY_ID, ..) if answers => {
+                let plant = timer(PLANT_DEFAULT_US, PLANT_LEAST_US);
+                fits(&[None, plant], &[self.truth, None], spare_bytes_s)?;
+                self.plant = plant;
+            }
+            (id::ODOMETRY, Some(hz), ..) => self.odometry = own(hz),
+            (id::NAMED_VALUE_FLOAT, _, Some(hz), _) => self.pressures = own(hz).map(|t| [t; PRESSURES]),
+            (id::SYSTEM_TIME, .., Some(hz)) => self.system_time = own(hz),
+            _ => return Err(Refusal::NotInHand),
+        }
+        Ok(())
+    }
+
+    /// Bytes a second of what was asked for beyond the profile's own streams.
+    pub fn asked_bytes_s(&self) -> f64 {
+        asked_bytes_s(&[self.truth, self.plant])
     }
 
     fn put(&mut self, message: &MavMessage) {
@@ -175,16 +237,41 @@ impl Streams {
     }
 }
 
+/// Why an interval is not taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refusal {
+    /// The message is none, or its rate belongs to a sensor.
+    NotInHand,
+    /// The line has no room; bytes a second that would be taken and that are left.
+    NoRoom {
+        /// Taken (byte/s).
+        taken_bytes_s: f64,
+        /// Left (byte/s).
+        left_bytes_s: f64,
+    },
+}
+
+/// Of true state and plant.
+fn asked_bytes_s(timers: &[Option<Timer>; 2]) -> f64 {
+    let bytes = [frame_bytes::HIL_STATE_QUATERNION, frame_bytes::DEBUG_FLOAT_ARRAY];
+    timers.iter().zip(bytes).map(|(timer, bytes)| timer.map_or(0.0, |timer| timer.hz() * bytes)).sum()
+}
+
+/// Whether what is asked for now and what goes on fit what is left of the line.
+fn fits(asked: &[Option<Timer>; 2], kept: &[Option<Timer>; 2], left_bytes_s: f64) -> Result<(), Refusal> {
+    let taken_bytes_s = asked_bytes_s(asked) + asked_bytes_s(kept);
+    // To take a stream away always fits.
+    if asked.iter().any(Option::is_some) && taken_bytes_s > left_bytes_s {
+        return Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s });
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mavlink::Decoder;
     use crate::profile::{GENERIC, PX4_HITL, PX4_SITL};
-
-    fn asks(message: f32, interval_us: f32) -> FromFc {
-        let parameters = [message, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0];
-        FromFc::Command(Command { command: SET_MESSAGE_INTERVAL, parameters, from: (1, 1) })
-    }
 
     fn ids(streams: &mut Streams) -> Vec<u32> {
         let mut decoder = Decoder::default();
@@ -208,44 +295,61 @@ mod tests {
 
     #[test]
     fn truth_comes_at_the_interval_asked_for_and_never_to_a_board() {
-        for (profile, ack) in [(&GENERIC, vec![77]), (&PX4_SITL, vec![])] {
+        let us = SimTime::from_us;
+        for profile in [&GENERIC, &PX4_SITL] {
             let mut streams = Streams::new(profile);
-            streams.put_truth(SimTime::from_us(1000), truth);
+            streams.put_truth(us(1000), truth);
             assert!(ids(&mut streams).is_empty());
-            streams.answer(&asks(115.0, 5000.0), SimTime::from_us(1000));
-            assert_eq!(ids(&mut streams), ack);
+            streams.set_interval(115, Some(5000), us(1000), 1e6).unwrap();
             let mut times = Vec::new();
             for ms in 2..=31 {
-                streams.put_truth(SimTime::from_us(1000 * ms), truth);
+                streams.put_truth(us(1000 * ms), truth);
                 times.extend(ids(&mut streams).iter().map(|_| ms));
             }
             assert_eq!(times, [6, 11, 16, 21, 26, 31]);
-            streams.answer(&asks(115.0, -1.0), SimTime::from_us(32_000));
-            ids(&mut streams);
-            streams.put_truth(SimTime::from_us(100_000), truth);
+            streams.set_interval(115, None, us(32_000), 0.0).unwrap();
+            streams.put_truth(us(100_000), truth);
             assert!(ids(&mut streams).is_empty());
         }
         let mut board = Streams::new(&PX4_HITL);
-        board.answer(&asks(115.0, 5000.0), SimTime::ZERO);
-        board.put_truth(SimTime::from_us(100_000), truth);
+        assert_eq!(board.set_interval(115, Some(5000), SimTime::ZERO, 1e6), Err(Refusal::NotInHand));
+        board.put_truth(us(100_000), truth);
         assert!(ids(&mut board).is_empty());
     }
 
+    /// 58 floats of 4 bytes, time, name and number, 12 bytes of frame: 264; at 10 Hz 2640 byte/s.
     #[test]
-    fn what_is_not_supported_is_said_where_somebody_listens() {
+    fn what_does_not_fit_the_line_is_refused_and_what_goes_on_counts() {
         let mut streams = Streams::new(&GENERIC);
-        streams.answer(&asks(105.0, 4000.0), SimTime::ZERO);
-        streams.answer(&FromFc::Parameters, SimTime::ZERO);
-        assert_eq!(ids(&mut streams), [77, 22]);
-        let mut streams = Streams::new(&PX4_SITL);
-        streams.answer(&asks(105.0, 4000.0), SimTime::ZERO);
-        streams.answer(&FromFc::Parameters, SimTime::ZERO);
-        assert!(ids(&mut streams).is_empty());
+        let mut ask = |id, interval_us, spare| streams.set_interval(id, interval_us, SimTime::ZERO, spare);
+        let refused = Err(Refusal::NoRoom { taken_bytes_s: 2640.0, left_bytes_s: 2600.0 });
+        assert_eq!(ask(PLANT_ARRAY_ID, Some(100_000), 2600.0), refused);
+        assert_eq!(ask(PLANT_ARRAY_ID, Some(0), 2640.0), Ok(()));
+        // 76 bytes at 50 Hz on top of it.
+        assert!(matches!(ask(115, Some(0), 6439.0), Err(Refusal::NoRoom { .. })));
+        assert_eq!(ask(115, Some(0), 6440.0), Ok(()));
+        assert_eq!(ask(PLANT_ARRAY_ID, None, 0.0), Ok(()));
+        assert_eq!(streams.asked_bytes_s(), 3800.0);
+    }
+
+    #[test]
+    fn rates_of_sensors_are_the_vehicle_s() {
+        let mut streams = Streams::new(&GENERIC);
+        for sensor in [107, 113, 132] {
+            assert_eq!(streams.set_interval(sensor, Some(1000), SimTime::ZERO, 1e6), Err(Refusal::NotInHand));
+        }
+        for own in [2, 251, 331] {
+            assert_eq!(streams.set_interval(own, None, SimTime::ZERO, 1e6), Ok(()));
+            assert_eq!(
+                Streams::new(&PX4_SITL).set_interval(own, None, SimTime::ZERO, 1e6),
+                Err(Refusal::NotInHand)
+            );
+        }
     }
 
     #[test]
     fn timers_keep_their_grid() {
-        let mut timer = Timer::every_s(0.02);
+        let mut timer = Timer::every_us(20_000);
         let fired: Vec<u64> =
             (1..=25).map(|i| i * 4000).filter(|us| timer.fires(SimTime::from_us(*us))).collect();
         assert_eq!(fired, [4000, 24_000, 44_000, 64_000, 84_000]);

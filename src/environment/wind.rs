@@ -168,6 +168,8 @@ pub struct Wind {
     /// At the reference height.
     mean_ned_m_s: Vec3,
     turbulence: Option<Turbulence>,
+    /// On top of all else, at every height.
+    added_ned_m_s: Option<Vec3>,
 }
 
 impl Wind {
@@ -182,6 +184,7 @@ impl Wind {
                 .turbulence
                 .as_ref()
                 .map(|t| Turbulence::new(parameters.at_20_ft_m_s(t), toward_ned, seed)),
+            added_ned_m_s: None,
             parameters: parameters.clone(),
         }
     }
@@ -193,10 +196,18 @@ impl Wind {
         if let Some(turbulence) = &self.turbulence {
             velocity += turbulence.velocity_ned_m_s();
         }
+        if let Some(added) = self.added_ned_m_s {
+            velocity += added;
+        }
         for gust in &self.parameters.gust {
             velocity += Vec3::from(gust.peak_ned_m_s) * gust.share(mission_time_s);
         }
         velocity
+    }
+
+    /// From now on this wind blows on top of the scenario's (m/s).
+    pub fn add_ned_m_s(&mut self, velocity_ned_m_s: Option<Vec3>) {
+        self.added_ned_m_s = velocity_ned_m_s;
     }
 
     /// Lets turbulence move on by a time (s), as a vehicle meets it at a height and a velocity. Between steps.

@@ -178,6 +178,17 @@ pub fn row(component: Component, mode: Mode) -> Option<Row> {
     catalogue().find(|row| row.component == component && row.mode == mode)
 }
 
+/// The rows in words, a line each: component, mode, unit and range of the value, its default, what it does.
+pub fn explain() -> String {
+    let line = |row: Row| {
+        let value = row.value.map_or("no value".to_owned(), |q| {
+            format!("{}, {} to {}, {} if absent", q.unit, q.least, q.greatest, q.default)
+        });
+        format!("  {:<23} {:<15} {value}: {}\n", row.component.name(), row.mode.name(), row.effect)
+    };
+    catalogue().map(line).collect()
+}
+
 const fn quantity(unit: &'static str, [least, greatest]: [f64; 2], default: f64) -> Option<Quantity> {
     Some(Quantity { unit, least, greatest, default })
 }
@@ -392,8 +403,8 @@ const ENTRIES: &[Entry] = {
         entry(
             &[Igniter],
             HardStart,
-            quantity("share", [0.0, 5.0], 1.0),
-            "peak of chamber pressure at light over the steady one, less one",
+            quantity("share", [0.0, 1.0], 0.05),
+            "of the oxidiser that passes before the flame pools in the chamber and burns at once with it",
         ),
         entry(&[Valve], Stuck, None, "the angle stays, whatever the command"),
         entry(&[Valve], Slow, quantity("share", [0.01, 1.0], 0.2), "of rate and bandwidth is left"),
@@ -555,6 +566,36 @@ impl Mode {
             Self::Disconnect => "disconnect",
             Self::Reboot => "reboot",
             Self::BrownOut => "brown_out",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_component_can_break_each_way_once_and_defaults_lie_in_range() {
+        let rows: Vec<Row> = catalogue().collect();
+        for component in Component::ALL {
+            assert!(rows.iter().any(|row| row.component == component), "{component:?}");
+        }
+        for (index, a) in rows.iter().enumerate() {
+            let twice = rows[..index].iter().any(|b| (b.component, b.mode) == (a.component, a.mode));
+            assert!(!twice, "{a:?}");
+            if let Some(q) = a.value {
+                assert!(q.least < q.greatest && (q.least..=q.greatest).contains(&q.default), "{a:?}");
+            }
+            assert!(!a.axes || a.value.is_some(), "{a:?}");
+        }
+        assert_eq!(explain().lines().count(), rows.len());
+    }
+
+    #[test]
+    fn names_are_those_of_the_files() {
+        for row in catalogue() {
+            assert_eq!(serde_json::to_value(row.component).unwrap(), row.component.name());
+            assert_eq!(serde_json::to_value(row.mode).unwrap(), row.mode.name());
         }
     }
 }

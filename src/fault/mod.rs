@@ -12,7 +12,7 @@ mod sensor;
 mod trigger;
 pub mod wire;
 
-pub use catalogue::{Component, Mode, Quantity, Row, catalogue, row};
+pub use catalogue::{Component, Mode, Quantity, Row, catalogue, explain, row};
 pub use plant::PlantEffect;
 pub use trigger::Circumstances;
 pub use wire::WireEffect;
@@ -364,6 +364,12 @@ impl Faults {
         })
     }
 
+    /// Entries that have not begun.
+    pub fn idle(&self) -> impl Iterator<Item = &Fault> {
+        let idle = |running: &&Running| matches!(running.stage, Stage::Waiting(_) | Stage::Pending(_));
+        self.running.iter().filter(idle).map(|running| &running.fault)
+    }
+
     /// What acts now, summed.
     pub fn effects(&self) -> &Effects {
         &self.effects
@@ -371,12 +377,16 @@ impl Faults {
 
     /// What becomes of a measurement.
     pub fn spoil(&mut self, measurement: &mut Measurement) {
-        for running in &mut self.running {
-            if let Stage::Acting(acting) = &running.stage
-                && acting.component.is_sensor()
-            {
-                running.memory.spoil(acting, &self.scene, measurement);
-            }
+        let mut acting = self
+            .running
+            .iter_mut()
+            .filter_map(|running| match &running.stage {
+                Stage::Acting(acting) if acting.component.is_sensor() => Some((acting, &mut running.memory)),
+                _ => None,
+            })
+            .peekable();
+        if acting.peek().is_some() {
+            sensor::spoil(acting, &self.scene, measurement);
         }
     }
 

@@ -7,40 +7,41 @@ use super::{Acting, Component, Mode};
 pub struct PlantEffect {
     /// The igniter does nothing.
     pub igniter_dead: bool,
-    /// Flame later by this much (s).
+    /// The igniter's flame comes later by this much, and burns as long (s).
     pub light_delay_s: f64,
-    /// Peak of chamber pressure at light over the steady one, less one.
+    /// Share of the oxidiser which passes the injector unburnt that stays in the chamber and burns at once when the
+    /// flame comes, see `propulsion/hard_start.rs`.
     pub hard_start: f64,
     /// Oxidiser valve.
     pub valve: ServoEffect,
     /// Gimbal servos x and y.
     pub gimbal: [ServoEffect; 2],
-    /// Share of the full-open area that passes a shut valve.
+    /// Share of the full-open area that passes a shut valve, and falls to nothing as it opens.
     pub valve_leak_share: f64,
     /// Oxidiser isolation valve.
     pub isolation: StrokeEffect,
     /// Thrusters for positive and for negative roll.
     pub rcs: [ThrusterEffect; 2],
-    /// Regulator outlet below its set pressure (Pa).
+    /// Regulator outlet below its set pressure (Pa); the tank follows as its liquid leaves.
     pub regulator_droop_pa: f64,
-    /// Share of the injector's area that is gone.
+    /// Share of the injector's area that is gone, below 1.
     pub injector_blocked_share: f64,
-    /// Share of the combustion efficiency that is gone.
+    /// Share of c* that is gone, on pressure and thrust, below 1.
     pub efficiency_drop_share: f64,
 }
 
 /// What is broken in a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoEffect {
-    /// Stays where it is.
+    /// Stays where it is; one that moves stops within milliseconds.
     pub stuck: bool,
-    /// Driven to this share of its limit, whatever the command: hard-over.
+    /// Driven to this share of its upper limit, whatever the command, as fast as it goes: hard-over.
     pub held_at_share: Option<f64>,
     /// Share of its rate and bandwidth that is left; 1 is sound.
     pub rate_share: f64,
-    /// Angle above what it believes (rad).
+    /// Angle above what it believes (rad), within the stops; a valve so off does not shut.
     pub offset_rad: f64,
-    /// Play between servo and load (rad).
+    /// Play between servo and load, stop to stop, beside its own (rad).
     pub slack_rad: f64,
 }
 
@@ -70,7 +71,7 @@ impl Default for StrokeEffect {
 pub struct ThrusterEffect {
     /// Never opens.
     pub dead: bool,
-    /// Share of its full flow that always passes.
+    /// Share of its full flow that always passes, with its thrust.
     pub leak_share: f64,
 }
 

@@ -3,10 +3,10 @@
 use nalgebra::Vector2;
 
 use super::{Demand, Plant};
-use crate::actuator::{ServoMemory, StrokeValve};
+use crate::actuator::ServoMemory;
 use crate::dynamics::landing_gear::Grip;
 use crate::frame::Vec3;
-use crate::propulsion::{BelowMinimum, EngineCondition};
+use crate::propulsion::{BelowMinimum, Damage, EngineCondition, PairLevels};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
@@ -23,11 +23,12 @@ impl Plant {
         let throttle_on = self.throttle_on(command);
         let positions = self.sequence.obey(now, command, throttle_on);
         let held = &mut self.held;
-        let stroke = |valve: StrokeValve, opening: f64, open: bool| {
-            valve.opening_after(opening, if open { 1.0 } else { 0.0 }, self.step.s())
-        };
-        held.isolation = stroke(self.vehicle.isolation_stroke(), held.isolation, positions.isolation_open);
-        held.vent = stroke(self.vehicle.vent_stroke(), held.vent, positions.vent_open);
+        let step_s = self.step.s();
+        let isolation = self.vehicle.isolation_stroke();
+        held.isolation =
+            held.broken.isolation_after(isolation, held.isolation, positions.isolation_open, step_s);
+        let vented = if positions.vent_open { 1.0 } else { 0.0 };
+        held.vent = self.vehicle.vent_stroke().opening_after(held.vent, vented, step_s);
         held.igniter = positions.igniter;
         held.grip = if held.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
 
@@ -43,22 +44,29 @@ impl Plant {
         let held = &mut self.held;
         let valve_rad = held.demand.valve_rad;
         if self.options.ideal {
-            held.valve_command_rad = valve_rad;
-            self.state.valve_rad = valve_rad;
-            held.valve_memory = ServoMemory::at(valve_rad);
-            self.state.rcs_level = Vec3::new((-roll).max(0.0), roll.max(0.0), 0.0);
+            held.valve_command_rad = held.broken.valve_told_rad(valve_rad);
+            self.state.valve_rad =
+                held.broken.valve_servo.at_once(self.state.valve_rad, held.valve_command_rad);
+            held.valve_memory = ServoMemory::at(self.state.valve_rad);
+            let pairs = held.broken.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
+            self.state.rcs_level = Vec3::new(pairs.a, pairs.b, 0.0);
         } else {
             held.valve_delay.push(now, valve_rad);
-            held.valve_command_rad = held.valve_delay.at(now);
-            held.rcs_open = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, self.step);
+            held.valve_command_rad = held.broken.valve_told_rad(held.valve_delay.at(now));
+            let opened = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, self.step);
+            held.rcs_open = held.broken.pairs_open(opened);
         }
         if self.options.ideal_gimbal {
-            held.gimbal_command_rad = Vector2::from(gimbal);
-            self.state.gimbal_rad = Vec3::new(gimbal[0], gimbal[1], 0.0);
-            held.gimbal_memory = gimbal.map(ServoMemory::at);
+            let told = held.broken.gimbal_told_rad(gimbal);
+            held.gimbal_command_rad = Vector2::from(told);
+            for axis in 0..2 {
+                let servo = &held.broken.gimbal_servo[axis];
+                self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told[axis]);
+                held.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
+            }
         } else {
             held.gimbal_delay.push(now, gimbal);
-            held.gimbal_command_rad = Vector2::from(held.gimbal_delay.at(now));
+            held.gimbal_command_rad = Vector2::from(held.broken.gimbal_told_rad(held.gimbal_delay.at(now)));
         }
     }
 
@@ -83,8 +91,8 @@ impl Plant {
         }
     }
 
-    /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own
-    /// engine, as a well identified controller would.
+    /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own engine, as a
+    /// well identified controller would, and nothing of what is broken in it.
     fn control_engine(&mut self, on: bool, throttle: Throttle) {
         let now = self.time;
         if !on {
@@ -103,6 +111,7 @@ impl Plant {
             burning_fraction: 1.0,
             chamber_gas: None,
             fuel_flow_kg_s: None,
+            damage: Damage::NONE,
             ..self.condition(&self.state)
         };
         let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold

@@ -50,6 +50,7 @@ impl Plant {
                 state.nitrous_kg.max(0.0) / drain_s
             },
             outlet,
+            damage: self.held.broken.damage(),
         }
     }
 
@@ -75,7 +76,7 @@ impl Plant {
             return (None, 0.0);
         };
         let GasSupply::Balanced(view) =
-            self.vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa)
+            self.vehicle.gas_supply(&self.stores(state), self.environment.atmosphere.pressure_pa)
         else {
             return (None, 0.0);
         };
@@ -109,17 +110,17 @@ impl Plant {
         let rcs_rate = self.rcs_rate(state);
 
         // Feed and combustion.
-        let valve_area_m2 = vehicle.engine.valve_area().area_m2(valve.angle_rad);
+        let valve_area_m2 = self.valve_area_m2(valve.angle_rad);
         let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
         let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let mut supply = vehicle.gas_supply(&stores(state), ambient_pa);
+        let mut supply = vehicle.gas_supply(&self.stores(state), ambient_pa);
         let feed = held.feed.at(supply.nitrogen().tank_pa, supply.nitrogen().liquid_k);
         let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, share);
         // Within a step the tank still holds what the manifold has taken up since it began.
         let nitrous_kg = state.nitrous_kg - stored_kg;
 
         // Pressurant.
-        let stores = Stores { nitrous_kg, ..stores(state) };
+        let stores = Stores { nitrous_kg, ..self.stores(state) };
         if stored_kg != 0.0 {
             supply = vehicle.gas_supply(&stores, ambient_pa);
         }
@@ -371,7 +372,9 @@ impl Plant {
                 }
             },
         };
-        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n);
+        let surge = &self.held.broken.surge;
+        point.chamber_pa += surge.chamber_pa;
+        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n + surge.thrust_n());
         (point, stored_kg)
     }
 
@@ -395,7 +398,7 @@ impl Plant {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());
         }
-        let servo = &self.vehicle.valve_servo;
+        let servo = &self.held.broken.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
         let memory = &self.held.valve_memory;
         let rate = servo.rate(&at, self.held.valve_command_rad, memory);
@@ -409,8 +412,8 @@ impl Plant {
             let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };
             return (motion, [Vector2::zeros(); 2]);
         }
-        let servo = &self.vehicle.gimbal_servo;
         let axis = |axis: usize| {
+            let servo = &self.held.broken.gimbal_servo[axis];
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
             let memory = &self.held.gimbal_memory[axis];
             let rate = servo.rate(&at, self.held.gimbal_command_rad[axis], memory);
@@ -428,10 +431,6 @@ impl Plant {
         ];
         (motion, rates)
     }
-}
-
-pub(super) fn stores(state: &State) -> Stores {
-    Stores { nitrogen_kg: state.nitrogen_kg, nitrous_kg: state.nitrous_kg, gas: state.gas }
 }
 
 /// Both modes of the liquid.

@@ -35,7 +35,7 @@ impl Plant {
         let state = &self.state;
         if state.valve_rad > 0.0 {
             self.held.valve_memory =
-                self.vehicle.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
+                self.held.broken.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
         }
         self.take_up_gimbal();
 
@@ -71,7 +71,8 @@ impl Plant {
         }
 
         // A ball that is told to shut seats; a servo alone would only ever come near.
-        if self.held.valve_command_rad == 0.0
+        if self.held.valve_command_rad <= 0.0
+            && self.held.broken.valve_servo.drive_share > 0.0
             && self.state.valve_rad.abs() < SEATED_RAD
             && self.state.valve_rad_s.abs() < SEATED_RAD_S
         {
@@ -80,6 +81,7 @@ impl Plant {
             self.held.valve_memory = ServoMemory::default();
         }
 
+        self.settle_faults(&now);
         self.settle_flame(&now);
 
         // Depletion.
@@ -88,7 +90,8 @@ impl Plant {
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
         self.watch_the_tank(&now.pressurant);
-        let flows = self.held.isolation > 0.0 && self.held.demand.valve_rad > 0.0;
+        let asked = self.held.demand.valve_rad > 0.0;
+        let flows = self.held.isolation > 0.0 && (asked || self.flows_unasked(&now));
         // A map costs some steps' time, so it waits until something flows.
         if flows {
             self.held.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k);
@@ -151,16 +154,18 @@ impl Plant {
             &self.held.flame,
             &FlameConditions {
                 time: self.time,
-                igniter: self.held.igniter,
+                igniter: self.held.igniter && !self.held.broken.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
                 fuel_left: !self.held.burnt_through || (self.held.flame.lit && burning > FLICKER),
+                late_s: self.held.broken.effect.light_delay_s,
             },
         );
         match (self.held.flame.lit, flame.lit) {
             (false, true) => {
                 self.held.ignition.get_or_insert(self.time);
+                self.light_pool(now);
                 self.note("ignition", chamber());
             }
             (true, false) => {

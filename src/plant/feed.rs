@@ -3,7 +3,6 @@
 //! step to the stage's instant; at the end it is advanced over the whole step, and what the manifold has taken
 //! up leaves the tank.
 
-use super::continuous::stores;
 use super::{Plant, State};
 use crate::propulsion::{EngineCondition, Feed, FeedInput, FeedPoint, FeedState, FeedStep, OperatingPoint};
 
@@ -15,7 +14,7 @@ impl Plant {
 
     /// The feed of the tank as it is in a state.
     pub(super) fn feed_in(&self, state: &State) -> Feed<'_> {
-        let supply = self.vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa);
+        let supply = self.vehicle.gas_supply(&self.stores(state), self.environment.atmosphere.pressure_pa);
         let tank = supply.nitrogen();
         self.held.feed.at(tank.tank_pa, tank.liquid_k)
     }
@@ -96,7 +95,7 @@ impl Plant {
 
     fn feed_input(&self, state: &State, head_pa: f64) -> FeedInput {
         let (valve, _) = self.valve(state);
-        let valve_area_m2 = self.vehicle.engine.valve_area().area_m2(valve.angle_rad);
+        let valve_area_m2 = self.valve_area_m2(valve.angle_rad);
         FeedInput {
             valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.held.isolation),
             head_pa,

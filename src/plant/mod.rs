@@ -11,6 +11,7 @@
 mod command;
 mod continuous;
 mod discrete;
+mod fault;
 mod feed;
 mod freeze;
 mod paper;
@@ -28,12 +29,11 @@ pub use state::{Rate, State};
 use nalgebra::Vector2;
 
 use crate::actuator::{DelayLine, ServoMemory};
-use crate::disturbance::{Disturbances, Effect};
+use crate::disturbance::{Disturbances, Effect, Standing};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
-use crate::fault::PlantEffect;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
@@ -47,6 +47,7 @@ use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
+use fault::Broken;
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
@@ -64,7 +65,6 @@ pub struct Plant {
     state: State,
     held: Held,
     disturbances: Disturbances,
-    faults: PlantEffect,
     sequence: Sequence,
     events: Vec<PlantEvent>,
     snapshot: Snapshot,
@@ -72,6 +72,15 @@ pub struct Plant {
     /// `None`: full fidelity.
     paper: Option<Paper>,
     settled: Option<Settled>,
+}
+
+/// What somebody at a bench adds to the world in mid-run; by default nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Interference {
+    /// Wind on top of the scenario's (m/s).
+    pub wind_ned_m_s: Vec3,
+    /// Disturbance on top of the scenario's.
+    pub standing: Standing,
 }
 
 /// The evaluation at the end of a step, which is the first stage of the next one unless something discrete
@@ -86,7 +95,7 @@ struct Settled {
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. Play and
 /// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
-/// whose change makes [`Plant::settle`] forget. Whoever lets [`Plant::evaluate`] read something else that
+/// whose change makes [`Plant::settle`] forget, nor are faults, whose change makes [`Plant::set_faults`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,6 +111,8 @@ struct Inputs {
     burning_fraction: f64,
     burning_share: f64,
     nitrous_depleted: bool,
+    regulator_sag_pa: f64,
+    surge_pa: f64,
     head_pa: f64,
     feed_triangle: Triangle,
     valve_command_rad: f64,
@@ -184,6 +195,8 @@ struct Held {
     singular: bool,
     /// What disturbs the vehicle.
     disturbed: Effect,
+    /// What is broken.
+    broken: Broken,
 }
 
 impl Held {
@@ -295,6 +308,15 @@ impl Plant {
         self.settle();
     }
 
+    /// Wind and disturbances that somebody at a bench adds, from the next step on.
+    pub fn interfere(&mut self, interference: &Interference) {
+        let Interference { wind_ned_m_s, standing } = *interference;
+        self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
+        self.disturbances.stand((standing != Standing::default()).then_some(standing));
+        // The evaluation at the end of the last step knows nothing of it.
+        self.settled = None;
+    }
+
     /// The rate alone: what else an evaluation finds need not be stored.
     #[inline(never)]
     fn rate(&self, state: &State, share: f64) -> Rate {
@@ -340,6 +362,8 @@ impl Plant {
             burning_fraction: state.burning_fraction,
             burning_share: self.burning_share(state),
             nitrous_depleted: held.nitrous_depleted,
+            regulator_sag_pa: held.broken.sag_pa,
+            surge_pa: held.broken.surge.chamber_pa,
             head_pa: held.head_pa,
             feed_triangle: held.feed.triangle(),
             valve_command_rad: held.valve_command_rad,
@@ -380,11 +404,6 @@ impl Plant {
     /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
         self.held.ignition.map(|ignition| self.time.since(ignition).s())
-    }
-
-    /// What is broken from the next step on.
-    pub fn set_faults(&mut self, effect: &PlantEffect) {
-        self.faults = *effect;
     }
 
     /// Run time.

@@ -5,30 +5,38 @@
 //! vehicle and liquid take the blow: their velocities jump such that momentum about the pivot stays as it was.
 
 use super::Plant;
-use super::continuous::{slosh_states, stores};
+use super::continuous::slosh_states;
 use crate::dynamics::Load;
 use crate::dynamics::mass::{ContentsRate, FlowTerms};
-use crate::dynamics::rigid_body::{self, Balance, Swing};
+use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::frame::Vec3;
 
 impl Plant {
     /// Takes in where a step has left the gimbal's play and friction.
     pub(super) fn take_up_gimbal(&mut self) {
-        let swings = self.vehicle.gimbal.engine_inertia && !self.options.clamped;
-        let before =
-            (self.vehicle.gimbal_servo.backlash_rad > 0.0 && swings).then(|| self.gimbal(&self.state).0);
-        let state = &self.state;
+        let servos = self.held.broken.gimbal_servo;
+        let play = servos.iter().any(|servo| servo.backlash_rad > 0.0);
+        let before = play.then(|| self.gimbal(&self.state).0);
         for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
-            *memory = self.vehicle.gimbal_servo.memory_after(state.gimbal_rad[axis], memory);
+            *memory = servos[axis].memory_after(self.state.gimbal_rad[axis], memory);
         }
-        let Some(before) = before else { return };
+        if let Some(before) = before {
+            self.jolt_from(before);
+        }
+    }
+
+    /// Lets vehicle and liquid take the blow of an engine that moved so a moment ago, and now moves otherwise.
+    pub(super) fn jolt_from(&mut self, before: GimbalMotion) {
+        if !self.vehicle.gimbal.engine_inertia || self.options.clamped {
+            return;
+        }
         let after = self.gimbal(&self.state).0;
         if (after.angle_rad, after.rate_rad_s) == (before.angle_rad, before.rate_rad_s) {
             return;
         }
 
         let (vehicle, state) = (&self.vehicle, &self.state);
-        let supply = vehicle.gas_supply(&stores(state), self.environment.atmosphere.pressure_pa);
+        let supply = vehicle.gas_supply(&self.stores(state), self.environment.atmosphere.pressure_pa);
         let (contents, _) = self.contents(state, state.nitrous_kg, supply.nitrogen(), 0.0);
         let mut mass = vehicle.mass.evaluate(&contents, &ContentsRate::default());
         self.frozen.hold(&mut mass);

@@ -2,6 +2,7 @@
 
 use nalgebra::{Quaternion, Vector2};
 
+use super::fault::Broken;
 use super::freeze::Frozen;
 use super::paper::Paper;
 use super::sequence::Sequence;
@@ -10,7 +11,6 @@ use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
 use crate::environment::Environment;
-use crate::fault::PlantEffect;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
@@ -91,7 +91,8 @@ impl Plant {
         let environment = Environment::new(&scenario.site, &scenario.file.wind, seed)?;
         let ambient_pa = environment.atmosphere.pressure_pa;
         let gas = vehicle.initial_gas(nitrogen_kg, nitrous_kg, ambient_pa);
-        let nitrogen = *vehicle.gas_supply(&Stores { nitrogen_kg, nitrous_kg, gas }, ambient_pa).nitrogen();
+        let stores = Stores { nitrogen_kg, nitrous_kg, gas, regulator_sag_pa: 0.0 };
+        let nitrogen = *vehicle.gas_supply(&stores, ambient_pa).nitrogen();
         let feed = vehicle.engine.feed_map(nitrogen.tank_pa, nitrogen.liquid_k);
         let at_rest = vehicle.engine.feed_at_rest(&feed, ambient_pa);
         let q = start.q_ned_from_body;
@@ -166,8 +167,8 @@ impl Plant {
                 saturated: None,
                 singular: false,
                 disturbed: Effect::default(),
+                broken: Broken::none(vehicle.valve_servo, vehicle.gimbal_servo),
             },
-            faults: PlantEffect::default(),
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),

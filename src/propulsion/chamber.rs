@@ -13,7 +13,7 @@ use super::nozzle::{ChamberPressure, PerfectGas, Throat};
 use crate::interpolate::Anchor;
 
 /// Universal gas constant (J/(mol K)).
-const UNIVERSAL_GAS: f64 = 8.314_462_618;
+pub(super) const UNIVERSAL_GAS: f64 = 8.314_462_618;
 /// Passes of the fixed point in Pc; each gains two to three digits, four are usual.
 const PASSES: usize = 12;
 /// No perfect gas chokes above this Pc/pa: ((γ+1)/2)^(γ/(γ-1)) at γ = 1.67 is 2.054.

@@ -43,7 +43,7 @@ pub enum EngineError {
 pub struct Engine {
     pub(super) grain: Grain,
     regression: Power,
-    chamber: Chamber,
+    pub(super) chamber: Chamber,
     nozzle: Nozzle,
     erosion: Power,
     cold_flow_isp_s: f64,
@@ -76,6 +76,22 @@ pub struct EngineCondition {
     pub oxidizer_flow_limit_kg_s: f64,
     /// What the tank's outlet draws once liquid alone no longer covers it.
     pub outlet: Option<Outlet>,
+    /// What is broken.
+    pub damage: Damage,
+}
+
+/// What is broken in injector and chamber, as shares of what a sound engine has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Damage {
+    /// Share of the injector's area that is blocked: flux is what it was, area is not.
+    pub injector_blocked_share: f64,
+    /// Share of c* that is lost, on pressure and thrust.
+    pub efficiency_drop_share: f64,
+}
+
+impl Damage {
+    /// A sound engine.
+    pub const NONE: Self = Self { injector_blocked_share: 0.0, efficiency_drop_share: 0.0 };
 }
 
 impl EngineCondition {
@@ -90,6 +106,7 @@ impl EngineCondition {
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: f64::INFINITY,
             outlet: None,
+            damage: Damage::NONE,
         }
     }
 }
@@ -171,6 +188,8 @@ pub(super) struct Setting<'a> {
     throat: Throat,
     /// Oxidiser flux in the ports per flow (1/m²).
     flux_per_flow_1_m2: f64,
+    /// Area of the injector that is open, discharge coefficient included (m²).
+    pub(super) injector_m2: f64,
     /// Fuel flow per flux to the exponent of regression.
     fuel_per_regression: f64,
     /// Pc per flow and c*: η/(A_t C_d).
@@ -183,7 +202,7 @@ pub(super) struct Setting<'a> {
 pub(super) struct Burning<'a> {
     fuel_kg_s: f64,
     of_ratio: f64,
-    mixture: Mixture<'a>,
+    pub(super) mixture: Mixture<'a>,
     pub(super) pressure: ChamberPressure,
 }
 
@@ -303,6 +322,7 @@ impl Engine {
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: 0.0,
             outlet: None,
+            damage: Damage::NONE,
         };
         self.setting(&condition).closed(None, Near::default())
     }
@@ -377,7 +397,7 @@ impl Engine {
                 injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
                 quality = outlet.quality(inlet_pa, density_kg_m3, state.quality);
             }
-            self.injector_area_m2 * injector_flux - passed_kg_s
+            setting.injector_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {
             low: least_pa,
@@ -402,6 +422,18 @@ impl Engine {
         point
     }
 
+    /// Throat area times discharge coefficient (m²).
+    pub(super) fn open_throat_m2(&self, condition: &EngineCondition) -> f64 {
+        let radius_m = condition.throat_radius_m.min(self.nozzle.greatest_throat_radius_m());
+        PI * radius_m * radius_m * self.nozzle.discharge_coefficient
+    }
+
+    /// Efficiency of c*, damage included.
+    #[inline]
+    pub(super) fn c_star_efficiency(&self, condition: &EngineCondition) -> f64 {
+        self.chamber.c_star_efficiency * (1.0 - condition.damage.efficiency_drop_share)
+    }
+
     #[inline(always)]
     pub(super) fn setting<'a>(&'a self, condition: &'a EngineCondition) -> Setting<'a> {
         let nozzle = &self.nozzle;
@@ -422,7 +454,8 @@ impl Engine {
             flux_per_flow_1_m2: self.grain.flux_per_flow_1_m2(port_radius_m),
             fuel_per_regression: self.grain.fuel_per_regression_kg_m(port_radius_m)
                 * self.grain.coefficient_si(),
-            per_c_star: self.chamber.c_star_efficiency * per_cold_c_star,
+            injector_m2: self.injector_area_m2 * (1.0 - condition.damage.injector_blocked_share),
+            per_c_star: self.c_star_efficiency(condition) * per_cold_c_star,
             per_cold_c_star,
         }
     }
@@ -609,7 +642,7 @@ impl<'a> Setting<'a> {
         let vessel = Vessel {
             volume_m3: engine.chamber.dead_volume_m3
                 + engine.grain.port_volume_m3(self.condition.port_radius_m),
-            c_star_efficiency: engine.chamber.c_star_efficiency,
+            c_star_efficiency: engine.c_star_efficiency(self.condition),
             discharge_coefficient: engine.nozzle.discharge_coefficient,
             burning_fraction,
             cold: engine.cold,

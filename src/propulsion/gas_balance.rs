@@ -187,6 +187,8 @@ pub struct Stores {
     pub nitrous_kg: f64,
     /// The rest.
     pub gas: GasState,
+    /// Outlet of the regulator below its set pressure (Pa); 0: sound.
+    pub regulator_sag_pa: f64,
 }
 
 /// What leaves.
@@ -315,7 +317,8 @@ impl GasBalance {
             bottle_pa: bottle.pressure_pa,
             tank_kg,
             bottle_kg,
-            regulated: bottle.pressure_pa >= regulator.set_pressure_pa + regulator.minimum_drop_pa
+            regulated: bottle.pressure_pa
+                >= regulator.set_pressure_pa - stores.regulator_sag_pa + regulator.minimum_drop_pa
                 && tank_pa <= regulator.greatest_pa(),
             vapor_kg,
             liquid_k: gas.liquid_k,
@@ -394,6 +397,7 @@ impl GasBalance {
             bottle_pa_s,
             bottle_pa_per_kg,
             most_kg_s: bottle_kg / SHORTEST_S,
+            sag_pa: view.stores.regulator_sag_pa,
         });
         let from_bottle_kg_s = regulator_kg_s + out.thrusters_kg_s;
 
@@ -489,6 +493,8 @@ pub(super) struct Regulation {
     bottle_pa_per_kg: f64,
     /// Flow that the bottle can give (kg/s).
     most_kg_s: f64,
+    /// Outlet below the set pressure (Pa).
+    sag_pa: f64,
 }
 
 impl Regulator {
@@ -499,10 +505,11 @@ impl Regulator {
         let toward = |outlet_pa: f64, fall_pa_s_kg: f64| {
             ((outlet_pa - at.tank_pa) * per_s - at.tank_pa_s) / (at.tank_pa_per_kg + fall_pa_s_kg * per_s)
         };
-        let mut flow_kg_s = toward(self.set_pressure_pa, self.droop_pa_s_kg);
+        let set_pa = self.set_pressure_pa - at.sag_pa;
+        let mut flow_kg_s = toward(set_pa, self.droop_pa_s_kg);
         if self.lockup_pa > 0.0 && flow_kg_s < self.lockup_flow_kg_s {
             let fall_pa_s_kg = self.droop_pa_s_kg + self.lockup_pa / self.lockup_flow_kg_s;
-            flow_kg_s = toward(self.set_pressure_pa + self.lockup_pa, fall_pa_s_kg);
+            flow_kg_s = toward(set_pa + self.lockup_pa, fall_pa_s_kg);
         }
         let above_pa = at.bottle_pa - self.minimum_drop_pa - at.tank_pa;
         let blow_down_kg_s = (above_pa * per_s + at.bottle_pa_s - at.tank_pa_s)

@@ -105,14 +105,17 @@ pub struct FlameConditions {
     pub chamber_pa: f64,
     /// Whether fuel is left.
     pub fuel_left: bool,
+    /// How much later than its delay the igniter's flame comes (s).
+    pub late_s: f64,
 }
 
 impl Ignition {
-    /// Whether the igniter's flame burns.
-    pub fn igniter_burns(&self, flame: &Flame, time: SimTime) -> bool {
+    /// Whether the igniter's flame burns, `late_s` later than it should.
+    pub fn igniter_burns(&self, flame: &Flame, time: SimTime, late_s: f64) -> bool {
         flame.igniter_fired.is_some_and(|fired| {
             let age = time.since(fired);
-            let (from, long) = (SimTime::from_s(self.igniter_delay_s), SimTime::from_s(self.igniter_burn_s));
+            let from = SimTime::from_s(self.igniter_delay_s + late_s);
+            let long = SimTime::from_s(self.igniter_burn_s);
             age >= from && age <= from + long
         })
     }
@@ -122,7 +125,7 @@ impl Ignition {
     pub fn advance(&self, flame: &Flame, now: &FlameConditions) -> Flame {
         let mut next = *flame;
         next.igniter_fired = if now.igniter { flame.igniter_fired.or(Some(now.time)) } else { None };
-        let igniter_burns = self.igniter_burns(&next, now.time);
+        let igniter_burns = self.igniter_burns(&next, now.time, now.late_s);
         if flame.lit {
             let low = now.chamber_pa < self.extinction_pressure_pa && !igniter_burns;
             next.low_pressure_since = if low { flame.low_pressure_since.or(Some(now.time)) } else { None };
@@ -178,6 +181,7 @@ pub(super) mod tests {
             oxidizer_kg_s,
             chamber_pa,
             fuel_left: true,
+            late_s: 0.0,
         }
     }
 

@@ -77,9 +77,8 @@ impl Setting<'_> {
     ) -> Option<(f64, f64)> {
         let tank_pa = feed.tank().pressure_pa;
         let chamber_pa = self.chamber_pa(oxidizer_kg_s, near);
-        let injector_m2 = self.engine.injector_area_m2;
         let excess_kg_s = |inlet_pa: f64| {
-            injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - oxidizer_kg_s
+            self.injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - oxidizer_kg_s
         };
         if chamber_pa >= tank_pa || excess_kg_s(tank_pa) <= 0.0 {
             return None;

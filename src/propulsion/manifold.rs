@@ -23,7 +23,8 @@
 
 use super::FeedParameters;
 use super::engine::{
-    Burning, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, Near, OperatingPoint, Setting,
+    Burning, Damage, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, Near, OperatingPoint,
+    Setting,
 };
 use super::feed::ManifoldModel;
 use super::feed_grid::Feed;
@@ -346,7 +347,7 @@ impl Engine {
                     setting.mixed_pa(passed_kg_s.max(0.0), hot.as_ref())
                 }
             };
-            driven_kg_s = self.injector_area_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
+            driven_kg_s = setting.injector_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
             driven_kg_s - passed_kg_s
         };
         // Without a store the engine as it stands is shut off.
@@ -454,7 +455,7 @@ impl Engine {
             let low = chamber_pa.min(tank_pa);
             let root =
                 bracketed_root(Bracket { low, slope: Some(guess.slope_kg_s_pa), ..bracket }, |inlet_pa| {
-                    self.injector_area_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa)
+                    setting.injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa)
                         - passed_kg_s
                 });
             return Solved {
@@ -504,7 +505,7 @@ impl Engine {
         held: Option<&Held<'a>>,
         solved: &mut Solved<'a>,
     ) {
-        let flow = |chamber_pa: f64| self.injector_area_m2 * feed.injector_flux_kg_m2_s(inlet, chamber_pa);
+        let flow = |chamber_pa: f64| setting.injector_m2 * feed.injector_flux_kg_m2_s(inlet, chamber_pa);
         if let Some(held) = held {
             solved.injected_kg_s = flow(held.pressure.pa);
             return;
@@ -556,6 +557,7 @@ impl FeedInput {
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: 0.0,
             outlet: None,
+            damage: Damage::NONE,
         },
     };
 
@@ -578,6 +580,7 @@ impl FeedInput {
                 fuel_flow_kg_s: a.fuel_flow_kg_s.zip(b.fuel_flow_kg_s).map(|(a, b)| mix(a, b)),
                 oxidizer_flow_limit_kg_s: b.oxidizer_flow_limit_kg_s,
                 outlet: b.outlet,
+                damage: b.damage,
             },
         }
     }

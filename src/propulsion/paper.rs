@@ -117,9 +117,10 @@ impl PaperEngine {
         let fuel_kg_s = grain.fuel_burnt_kg(radius_m, oxidizer_kg_s, self.step_s) / self.step_s;
         let of_ratio = if fuel_kg_s > 0.0 { oxidizer_kg_s / fuel_kg_s } else { f64::MAX };
         let total_kg_s = oxidizer_kg_s + fuel_kg_s;
-        let isp_s = self.isp_efficiency * self.isp_s.at(of_ratio);
-        let pressure_pa =
-            total_kg_s * self.c_star_m_s.at(of_ratio) * self.c_star_efficiency / throat_m2(engine, condition);
+        let left = 1.0 - condition.damage.efficiency_drop_share;
+        let isp_s = left * self.isp_efficiency * self.isp_s.at(of_ratio);
+        let pressure_pa = total_kg_s * self.c_star_m_s.at(of_ratio) * (left * self.c_star_efficiency)
+            / engine.open_throat_m2(condition);
         Candidate {
             oxidizer_kg_s,
             fuel_kg_s,
@@ -139,17 +140,18 @@ impl PaperEngine {
             .fold(candidate(0), |best, next| if miss(&next) < miss(&best) { next } else { best })
     }
 
-    /// P2 (Pa) and vapour share behind the valve for a flow, Eqs 14 and 15; `None` when the injector cannot pass it
-    /// at the tank's pressure.
+    /// P2 (Pa) and vapour share behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None` when
+    /// the injector cannot pass it at the tank's pressure.
     pub fn inlet<'f>(
         &self,
         engine: &Engine,
         feed: impl Into<Feed<'f>>,
-        oxidizer_kg_s: f64,
-        chamber_pa: f64,
+        condition: &EngineCondition,
+        (oxidizer_kg_s, chamber_pa): (f64, f64),
     ) -> Option<(f64, f64)> {
         let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
+        let injector_m2 = engine.injector_area_m2 * (1.0 - condition.damage.injector_blocked_share);
         let excess_kg_s = |inlet_pa: f64| {
             let (state, _) =
                 throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa());
@@ -161,7 +163,7 @@ impl PaperEngine {
             let flux = flashing_flux_kg_m2_s(pressures, state.density_kg_m3, || {
                 Nitrous::tables().equilibrium_flux_kg_m2_s(&state, chamber_pa)
             });
-            engine.injector_area_m2 * flux - oxidizer_kg_s
+            injector_m2 * flux - oxidizer_kg_s
         };
         if chamber_pa >= tank_pa || excess_kg_s(tank_pa) <= 0.0 {
             return None;
@@ -211,7 +213,7 @@ impl PaperEngine {
         let area = |point: u32| {
             let flow_kg_s = self.flow_kg_s(point);
             let chamber_pa = self.mixed(engine, condition, flow_kg_s).chamber_pa;
-            self.inlet(engine, feed, flow_kg_s, chamber_pa)
+            self.inlet(engine, feed, condition, (flow_kg_s, chamber_pa))
                 .map_or(f64::INFINITY, |(inlet_pa, _)| self.valve_area_m2(engine, feed, flow_kg_s, inlet_pa))
         };
         // The area rises with the flow: halve the grid instead of walking it.
@@ -223,7 +225,7 @@ impl PaperEngine {
         let point = if valve_area_m2 - area(below) <= area(above) - valve_area_m2 { below } else { above };
         let mixed = self.mixed(engine, condition, self.flow_kg_s(point).min(limit_kg_s));
         let total_kg_s = mixed.oxidizer_kg_s + mixed.fuel_kg_s;
-        let inlet = self.inlet(engine, feed, mixed.oxidizer_kg_s, mixed.chamber_pa);
+        let inlet = self.inlet(engine, feed, condition, (mixed.oxidizer_kg_s, mixed.chamber_pa));
         let (injector_inlet_pa, quality) = inlet.unwrap_or((feed.tank().pressure_pa, 0.0));
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         OperatingPoint {
@@ -260,7 +262,7 @@ impl PaperEngine {
         let chosen = self.sweep(engine, condition, thrust_n);
         let (_, open_m2) = engine.valve_area().fully_open();
         let area_m2 = self
-            .inlet(engine, feed, chosen.oxidizer_kg_s, chosen.chamber_pa)
+            .inlet(engine, feed, condition, (chosen.oxidizer_kg_s, chosen.chamber_pa))
             .map_or(f64::INFINITY, |(inlet_pa, _)| {
                 self.valve_area_m2(engine, feed, chosen.oxidizer_kg_s, inlet_pa)
             });
@@ -276,8 +278,8 @@ impl PaperEngine {
         let hot = self.candidate(engine, condition, oxidizer_kg_s);
         let f = condition.burning_fraction.clamp(0.0, 1.0);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.cold_isp_s * oxidizer_kg_s;
-        let cold_pa =
-            (self.cold_c_star_m_s * oxidizer_kg_s / throat_m2(engine, condition)).max(condition.ambient_pa);
+        let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s / engine.open_throat_m2(condition))
+            .max(condition.ambient_pa);
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         Candidate {
             fuel_kg_s: f * hot.fuel_kg_s,
@@ -306,13 +308,6 @@ pub(super) fn validate_range(paper: &PaperMode, map_span: (f64, f64)) -> Result<
 fn fitted_span(paper: &PaperMode, (low, high): (f64, f64)) -> (f64, f64) {
     let [from, to] = paper.polynomial_of_range;
     (from.clamp(low, high), to.clamp(low, high))
-}
-
-/// Throat area times discharge coefficient (m²).
-fn throat_m2(engine: &Engine, condition: &EngineCondition) -> f64 {
-    let nozzle = engine.nozzle();
-    let radius_m = condition.throat_radius_m.min(nozzle.greatest_throat_radius_m());
-    core::f64::consts::PI * radius_m * radius_m * nozzle.discharge_coefficient
 }
 
 /// A polynomial in O/F by its Chebyshev coefficients, held at the ends of its range.

@@ -155,6 +155,15 @@ pub struct NitrogenInventory {
     pub ullage_m3: f64,
     /// Ambient pressure, below which the tank does not fall (Pa).
     pub ambient_pa: f64,
+    /// Outlet of the regulator below its set pressure (Pa); 0: sound.
+    pub regulator_sag_pa: f64,
+}
+
+impl NitrogenInventory {
+    /// Pressure that the regulator keeps (Pa).
+    fn outlet_pa(&self, regulator: &Regulator) -> f64 {
+        (regulator.set_pressure_pa - self.regulator_sag_pa).max(self.ambient_pa.min(regulator.set_pressure_pa))
+    }
 }
 
 /// Where the nitrogen is.
@@ -190,8 +199,10 @@ impl Pressurant {
         let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;
         let total_kg = total_kg.max(0.0);
-        let outlet_pa = self.regulator.set_pressure_pa;
-        let tank_kg = ullage_m3.max(0.0) * gas.set_kg_m3;
+        let outlet_pa = inventory.outlet_pa(&self.regulator);
+        let sound = inventory.regulator_sag_pa == 0.0;
+        let outlet_kg_m3 = if sound { gas.set_kg_m3 } else { gas.ullage.density_kg_m3(outlet_pa) };
+        let tank_kg = ullage_m3.max(0.0) * outlet_kg_m3;
         let bottle_kg = total_kg - tank_kg;
         if bottle_kg > 0.0 {
             let bottle_pa = gas.bottle.pressure_pa(bottle_kg / bottle_m3);
@@ -213,10 +224,10 @@ impl Pressurant {
     /// Blow-down: the tank pressure at which both volumes hold the whole mass.
     #[inline(never)]
     fn blown_down(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
-        let NitrogenInventory { total_kg, ullage_m3, ambient_pa } = *inventory;
+        let NitrogenInventory { total_kg, ullage_m3, ambient_pa, .. } = *inventory;
         let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;
-        let outlet_pa = self.regulator.set_pressure_pa;
+        let outlet_pa = inventory.outlet_pa(&self.regulator);
         let total_kg = total_kg.max(0.0);
         let in_tank_kg = |tank_pa: f64| ullage_m3.max(0.0) * gas.ullage.density_kg_m3(tank_pa);
         let excess_kg = |tank_pa: f64| {
@@ -272,7 +283,7 @@ mod tests {
     }
 
     fn with(total_kg: f64, ullage_m3: f64) -> NitrogenState {
-        let inventory = NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0 };
+        let inventory = NitrogenInventory { total_kg, ullage_m3, ambient_pa: 101_325.0, regulator_sag_pa: 0.0 };
         let gas = PressurantGas::new(&reference(), 290.0);
         reference().distribute(&gas, &inventory)
     }

@@ -19,7 +19,7 @@ use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
 use crate::fault::{self, Acting, Component, Fault, Faults, Mode, WireEffect};
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::plant::{Plant, Snapshot};
+use crate::plant::{Interference, Plant, Snapshot};
 use crate::scenario::{Outcome, Place, Scenario};
 use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
@@ -34,6 +34,8 @@ const HASH_EVERY: u64 = 100;
 pub struct Flight {
     scenario: Scenario,
     seed: u32,
+    instruments: Instrumentation,
+    told: Parameters,
     step: SimTime,
     plant: Plant,
     sensors: Option<SensorSuite>,
@@ -58,6 +60,8 @@ pub struct Flight {
     estimate_at_touchdown: Option<Vec3>,
     flown_elsewhere: bool,
     reference_elsewhere_ned_m: Option<Vec3>,
+    interference: Interference,
+    earlier: Vec<Report>,
 }
 
 /// What a bench may ask of the sensors beyond the scenario.
@@ -143,7 +147,9 @@ impl Flight {
         let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
         let scheduled = scenario.schedule.is_some();
         Ok(Self {
-            autopilot: Autopilot::new(told),
+            autopilot: Autopilot::new(told.clone()),
+            told,
+            instruments: *instruments,
             referee: Referee::new(Rules {
                 target_ned_m: target,
                 stroke_m,
@@ -174,7 +180,59 @@ impl Flight {
             estimate_at_touchdown: None,
             flown_elsewhere: false,
             reference_elsewhere_ned_m: None,
+            interference: Interference::default(),
+            earlier: Vec::new(),
         })
+    }
+
+    /// The same flight at step 0 again, as the scenario has it, under a seed.
+    ///
+    /// # Errors
+    /// As [`Flight::new`].
+    pub fn again(&self, seed: u32) -> Result<Self, Invalid> {
+        let plant = Plant::seeded(&self.scenario, seed)?;
+        let mut fresh = Self::assemble(&self.scenario, seed, &self.instruments, plant, self.told.clone())?;
+        fresh.flown_elsewhere = self.flown_elsewhere;
+        Ok(fresh)
+    }
+
+    /// Ends this flight's place in the process: its report is kept, and it is at step 0 again.
+    ///
+    /// # Errors
+    /// As [`Flight::new`]; then nothing has changed.
+    pub fn begin_again(&mut self, seed: u32, fc_must_fly: bool) -> Result<(), Invalid> {
+        let mut fresh = self.again(seed)?;
+        fresh.earlier = std::mem::take(&mut self.earlier);
+        fresh.earlier.push(self.report(fc_must_fly));
+        *self = fresh;
+        Ok(())
+    }
+
+    /// Reports of the flights that came before this one in the process.
+    pub fn earlier(&self) -> &[Report] {
+        &self.earlier
+    }
+
+    /// Seed of its random streams.
+    pub fn seed(&self) -> u32 {
+        self.seed
+    }
+
+    /// What was asked of the sensors beyond the scenario.
+    pub fn instruments(&self) -> &Instrumentation {
+        &self.instruments
+    }
+
+    /// Wind and disturbances that somebody at a bench has added.
+    pub fn interference(&self) -> &Interference {
+        &self.interference
+    }
+
+    /// Adds wind and disturbances from the next step on, instead of those added before. The caller notes
+    /// that the run is modified.
+    pub fn interfere(&mut self, interference: Interference) {
+        self.interference = interference;
+        self.plant.interfere(&interference);
     }
 
     /// Length of a step (s).
@@ -552,6 +610,9 @@ impl Flight {
             run: None,
             overrides: Vec::new(),
             modified: self.modified.clone(),
+            faults_idle: self.faults.idle().map(Fault::name).collect(),
+            flights: self.earlier.clone(),
+            ground: None,
         };
         let flight_time_s =
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);

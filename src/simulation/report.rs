@@ -51,6 +51,32 @@ pub struct Report {
     /// What was changed from outside while it flew, in order; such a run is not its scenario's.
     #[serde(default)]
     pub modified: Vec<String>,
+    /// Names of the scenario's faults that never began; absent when all did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults_idle: Vec<String>,
+    /// Reports of the flights before this one in the same process, each ended by a reset; absent when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub flights: Vec<Report>,
+    /// The ground station's link, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<GroundReport>,
+}
+
+/// What passed on the ground station's link.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GroundReport {
+    /// Frames of the bench itself.
+    pub sent: u64,
+    /// Whole frames that came.
+    pub received: u64,
+    /// Frames whose checksum did not hold.
+    pub crc_errors: u64,
+    /// Frames of the flight controller that were passed on.
+    pub forwarded_from_fc: u64,
+    /// Frames that were passed on to the flight controller.
+    pub forwarded_to_fc: u64,
+    /// Frames, or writes, that found no room.
+    pub dropped: u64,
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
@@ -341,6 +367,12 @@ pub struct LinkReport {
     pub refused: u64,
     /// Waits for a reply that ran into their limit.
     pub stalls: u64,
+    /// More about them; absent when there were none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stalled: Option<Stalled>,
+    /// What faults of the wire did; absent when there were none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disrupted: Option<Disrupted>,
     /// Silences between two HIL_ACTUATOR_CONTROLS of more than a tenth of `fc_timeout_ms`.
     pub gaps: u64,
     /// Longest silence between two HIL_ACTUATOR_CONTROLS, or from the last to the end (ms); null before there were two.
@@ -357,6 +389,45 @@ pub struct LinkReport {
     pub wire_load_percent: Option<f64>,
     /// Share of the wire used inward; null where the wire has no rate (%).
     pub wire_load_in_percent: Option<f64>,
+}
+
+/// Waits in lockstep that ran into their limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stalled {
+    /// Run time of the first (s).
+    pub first_s: f64,
+    /// Run time of the last (s).
+    pub last_s: f64,
+    /// Wall time of the longest (ms).
+    pub longest_ms: f64,
+    /// Wall time of all (ms).
+    pub total_ms: f64,
+    /// Whose sample or answer a fault of the wire has lost.
+    pub lost_by_fault: u64,
+    /// Whose answer came after all, too late.
+    pub answered_late: u64,
+}
+
+/// What faults of the wire did to frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Disrupted {
+    /// From the bench to the flight controller.
+    pub to_fc: DisruptedWay,
+    /// From the flight controller to the bench.
+    pub from_fc: DisruptedWay,
+}
+
+/// What faults of the wire did to the frames of one direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DisruptedWay {
+    /// Lost.
+    pub dropped: u64,
+    /// Late.
+    pub delayed: u64,
+    /// Arrived twice.
+    pub duplicated: u64,
+    /// With a bit flipped.
+    pub corrupted: u64,
 }
 
 /// Something that happened.

@@ -32,6 +32,7 @@ import tempfile
 import time
 import tty
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 os.environ["MAVLINK20"] = "1"  # read when pymavlink is imported
@@ -64,6 +65,15 @@ def run_hopbench(*arguments, timeout_s=60.0):
     command = [str(hopbench_binary()), *map(str, arguments)]
     done = subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)
     return Result(done.returncode, done.stdout, done.stderr)
+
+
+INTERLOCK = "--igniter-disconnected"  # no igniter hangs on a pseudo-terminal
+
+
+@lru_cache(maxsize=None)
+def knows_interlock():
+    """Whether this program wants to be told that nothing real can burn."""
+    return INTERLOCK in run_hopbench("hil", "--help").stdout
 
 
 class BenchEnded(Exception):
@@ -140,11 +150,15 @@ class Bench:
         command += ["--out", self.folder / "run"]
         command += ["--fc", link] if link else []
         command += ["--profile", self.profile] if self.profile else []
+        if link and (self.profile == "px4-hitl" or (self.profile is None and self.fc == "serial")):
+            command += ["--igniter-disconnected"]  # a script has no igniter
         command += {None: [], True: ["--lockstep"], False: ["--realtime"]}[self.lockstep]
         command += ["--fast"] if self.fast else []
         command += ["--seed", self.seed] if self.seed is not None else []
         for pair in self.sets:
             command += ["--set", pair]
+        if self.profile == "px4-hitl" and INTERLOCK not in self.extra and knows_interlock():
+            command += [INTERLOCK]
         self.command = [str(word) for word in command + self.extra]
         # Files, not pipes: a full pipe nobody reads would stop the bench.
         with open(self.folder / "stdout", "w") as out, open(self.folder / "stderr", "w") as err:

@@ -70,7 +70,7 @@ def test_wrong_input_is_exit_2_and_named(arguments, named):
 
 
 def test_a_device_that_is_not_there_is_exit_3():
-    result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "serial:/dev/no-such-tty:921600", "--json")
+    result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "serial:/dev/no-such-tty:921600", "--igniter-disconnected", "--json")
     assert result.code == 3 and "/dev/no-such-tty" in result.stderr
 
 
@@ -92,8 +92,17 @@ def test_a_serial_line_too_slow_is_refused():
         path = bench.connection.address
         bench.process.terminate()
         bench.process.wait()
-        result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", f"serial:{path}:115200", "--profile", "px4-hitl", "--json")
+        result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", f"serial:{path}:115200", "--profile", "px4-hitl",
+                              "--igniter-disconnected", "--json")
     assert result.code == 2 and "--sensor-hz" in result.stderr
+
+
+def test_a_real_board_needs_the_word_that_its_igniter_is_disconnected():
+    # Refused before the port is opened: there is none.
+    result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "serial:/dev/no-such-tty:921600", "--json")
+    assert result.code == 2 and "--igniter-disconnected" in result.stderr
+    result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "udp-listen:0", "--profile", "px4-hitl", "--json")
+    assert result.code == 2 and "--igniter-disconnected" in result.stderr
 
 
 @pytest.mark.parametrize(

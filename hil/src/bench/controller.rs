@@ -6,6 +6,7 @@ use hopbench::signal::ActuatorCommand;
 use hopbench::time::SimTime;
 
 use super::{Bench, Stage};
+use crate::disruption::Sample;
 use crate::link::Notice;
 use crate::mavlink::{ControlsFrame, Heartbeat, MODE_HIL};
 use crate::pace::now_ns;
@@ -14,6 +15,9 @@ use crate::pace::now_ns;
 const AUTOPILOT_COMPONENT: u8 = 1;
 /// MAV_AUTOPILOT_INVALID: a component that is no flight controller.
 const AUTOPILOT_INVALID: u8 = 8;
+
+/// A controller's clock that goes back by more than this has been set anew; by less, the frame is an old one (us).
+const REORDERED_US: u64 = 1_000_000;
 
 /// What is known of the other end.
 #[derive(Debug, Default)]
@@ -28,8 +32,13 @@ pub(super) struct FlightController {
     pub(super) first: Option<SimTime>,
     /// It answers HIL_SENSOR: lockstep may wait for it.
     pub(super) answers: bool,
-    /// The answer that lockstep waits for has come.
+    /// The sample whose answer lockstep waits for, and whether that has come.
+    pub(super) awaited: Option<Sample>,
     pub(super) answered: bool,
+    /// Newest sample that has reached it, as far as is known (us).
+    pub(super) newest_us: u64,
+    /// Time and counter of its last controls.
+    pub(super) last: Option<(u64, u8)>,
     /// It was in the loop, and says that it no longer is.
     pub(super) left_the_loop: bool,
     /// What it commanded last, whether or not it is obeyed.
@@ -46,6 +55,46 @@ pub(super) struct FlightController {
     pub(super) rejected: u64,
 }
 
+impl FlightController {
+    /// Where it is addressed: as whoever sends controls, and until then as autopilots are by convention.
+    pub(super) fn address(&self) -> (u8, u8) {
+        self.sender.unwrap_or((1, AUTOPILOT_COMPONENT))
+    }
+
+    /// From a bad wire comes the newest sample that is there now, or would be. One that an even newer one has
+    /// overtaken is not answered.
+    pub(super) fn await_answer(&mut self, delivered: Option<Sample>) {
+        self.awaited = delivered.filter(|sample| sample.time_us > self.newest_us);
+        if let Some(Sample { time_us, lost: false }) = self.awaited {
+            self.newest_us = time_us;
+        }
+    }
+
+    /// An answer to a sample, 0: to any. In lockstep a controller that repeats itself is as silent as one that
+    /// says nothing.
+    pub(super) fn take_answer(&mut self, answer: Sample) {
+        let awaited = self.awaited.as_mut();
+        if let Some(awaited) = awaited.filter(|a| answer.time_us == 0 || answer.time_us == a.time_us) {
+            if answer.lost {
+                awaited.lost = true;
+            } else {
+                self.answered = true;
+                self.waited = Duration::ZERO;
+            }
+        }
+    }
+
+    /// Whether a frame with this time and counter has been overtaken or has come before: a wire may reorder and
+    /// repeat. Without a time the counter alone tells a repetition.
+    fn is_old(&self, time_us: u64, sequence: u8) -> bool {
+        match self.last {
+            Some((_, last)) if time_us == 0 => sequence == last,
+            Some((last_us, _)) => time_us < last_us && last_us - time_us <= REORDERED_US,
+            None => false,
+        }
+    }
+}
+
 impl Bench<'_> {
     pub(super) fn take_notice(&mut self, notice: Notice) {
         let address = self.link.address().to_owned();
@@ -59,6 +108,8 @@ impl Bench<'_> {
                 self.fc.answers = false;
                 self.fc.heartbeat = None;
                 self.fc.sender = None;
+                self.fc.last = None;
+                self.disruption.forget_tails();
                 self.live.notice(format!("{address}: lost, {why}"));
             }
             Notice::Refused(peer) => {
@@ -81,8 +132,12 @@ impl Bench<'_> {
         }
     }
 
-    pub(super) fn take_controls(&mut self, frame: &ControlsFrame, sender: (u8, u8)) {
+    pub(super) fn take_controls(&mut self, frame: &ControlsFrame, sender: (u8, u8), sequence: u8) {
         self.fc.sender = Some(sender);
+        self.stalls.answered(frame.time_us);
+        if self.fc.is_old(frame.time_us, sequence) {
+            return;
+        }
         if self.stage == Stage::Waiting && !self.may_stream() {
             // Its outputs may be live: nothing flies on them before it says that it is in the loop.
             if self.options.profile.needs_hil_flag && !self.fc.flag_missed {
@@ -92,6 +147,9 @@ impl Bench<'_> {
                     self.link.address()
                 ));
             }
+            return;
+        }
+        if self.is_stale(frame.time_us) {
             return;
         }
         let controls = &self.scenario.vehicle.controls;
@@ -115,14 +173,16 @@ impl Bench<'_> {
             self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));
             self.flight.set_source(self.options.source);
         }
-        self.fc.answers = true;
-        let echo_ms = self.scenario.vehicle.controls.echo_ms(&frame.controls);
-        self.figures.note_controls(frame.time_us, echo_ms, self.gap_ns());
-        // In lockstep a controller that repeats itself is as silent as one that says nothing.
-        if frame.time_us == 0 || frame.time_us == now.us() {
-            self.fc.answered = true;
+        if !self.fc.answers {
+            self.fc.answers = true;
             self.fc.waited = Duration::ZERO;
         }
+        let echo_ms = self.scenario.vehicle.controls.echo_ms(&frame.controls);
+        self.figures.note_controls(frame.time_us, echo_ms, self.gap_ns());
+        if self.disruption.is_clear() {
+            self.fc.take_answer(Sample { time_us: frame.time_us, lost: false });
+        }
+        self.fc.last = Some((frame.time_us, sequence));
         self.fc.heard = now;
         self.fc.heard_ns = now_ns;
         self.fc.armed = armed;
@@ -152,7 +212,9 @@ impl Bench<'_> {
     pub(super) fn is_lost(&self) -> bool {
         let timeout = self.patience();
         if self.in_lockstep() {
-            return self.fc.waited >= timeout;
+            // On a slow wire every answer is late by simulated time, though none is waited for.
+            let silent = self.sampled.since(self.fc.heard);
+            return self.fc.waited >= timeout || Duration::from_micros(silent.us()) >= timeout;
         }
         // A bench that catches up runs faster than the controller can: both clocks must agree.
         let silent = Duration::from_micros(self.flight.time().since(self.fc.heard).us());

@@ -3,6 +3,7 @@
 use hopbench::simulation::report::{LinkReport, Timing};
 
 use super::Bench;
+use crate::disruption::Sample;
 use crate::pace::{Account, Distribution, now_ns};
 use crate::profile::Pacing;
 
@@ -16,7 +17,6 @@ pub(super) struct Figures {
     round_trip: Distribution,
     echo: Distribution,
     pub(super) steps: u64,
-    pub(super) stalls: u64,
     /// Frames encoded before, taken by the link and thrown away.
     encoded: u64,
     taken: u64,
@@ -31,7 +31,7 @@ pub(super) struct Figures {
 #[derive(Debug)]
 struct Samples {
     /// By the millisecond of their time within the second, which is what the echo channel holds.
-    sent: Vec<Sample>,
+    sent: Vec<Sent>,
     /// No controls have come since the last.
     unanswered: bool,
     /// What the echo channel held last; a channel that never changes is no echo.
@@ -41,7 +41,7 @@ struct Samples {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Sample {
+struct Sent {
     time_us: u64,
     left_ns: u64,
     answered: bool,
@@ -66,12 +66,11 @@ impl Figures {
             round_trip: Distribution::new(),
             echo: Distribution::new(),
             steps: 0,
-            stalls: 0,
             encoded: 0,
             taken: 0,
             dropped: 0,
             samples: Samples {
-                sent: vec![Sample::default(); 1000],
+                sent: vec![Sent::default(); 1000],
                 unanswered: false,
                 last_echo_ms: None,
                 echoed_us: 0,
@@ -122,7 +121,26 @@ impl Silences {
 }
 
 impl Bench<'_> {
+    /// Sends what waits: through a bad wire, if it is one.
     pub(super) fn flush(&mut self) {
+        if self.disruption.is_clear() {
+            let sampled = self.flight.measurement().is_some();
+            let time_us = self.wire_time().us();
+            self.fc.awaited = sampled.then_some(Sample { time_us, lost: false });
+            return self.send_straight();
+        }
+        let now = self.flight.time();
+        let bytes = self.streams.bytes();
+        let (frames, newest) = self.disruption.carry_to_fc(bytes, now);
+        let taken = self.link.send(bytes);
+        bytes.clear();
+        self.figures.encoded = self.streams.frames();
+        *(if taken { &mut self.figures.taken } else { &mut self.figures.dropped }) += frames;
+        self.fc.await_answer(newest);
+    }
+
+    /// Sends what waits, whatever is broken.
+    pub(super) fn send_straight(&mut self) {
         let taken = self.link.send(self.streams.bytes());
         self.streams.bytes().clear();
         let frames = self.streams.frames() - self.figures.encoded;
@@ -131,10 +149,9 @@ impl Bench<'_> {
     }
 
     pub(super) fn note_sent(&mut self) {
-        let time_us = self.flight.time().us();
+        let time_us = self.wire_time().us();
         let samples = &mut self.figures.samples;
-        samples.sent[(time_us / 1000) as usize % 1000] =
-            Sample { time_us, left_ns: now_ns(), answered: false };
+        samples.sent[(time_us / 1000) as usize % 1000] = Sent { time_us, left_ns: now_ns(), answered: false };
         samples.unanswered = true;
     }
 
@@ -145,6 +162,10 @@ impl Bench<'_> {
 
     pub(super) fn finish(mut self) -> (Timing, LinkReport) {
         let now_ns = now_ns();
+        if let Some(text) = self.stalls.remaining(now_ns) {
+            self.live.notice(text);
+        }
+        let (stalls, stalled) = self.stalls.report();
         let gap_ns = self.gap_ns();
         if self.figures.silences.frames > 0 {
             self.figures.silences.end(now_ns, gap_ns);
@@ -168,10 +189,11 @@ impl Bench<'_> {
             out_of_order: heard.out_of_order,
             skipped_bytes: heard.skipped_bytes,
             refused: moved.refused,
-            stalls: figures.stalls,
+            stalls,
+            stalled,
+            disrupted: self.disruption.report(),
             gaps: figures.silences.gaps,
-            longest_gap_ms: (figures.silences.frames > 1)
-                .then_some(figures.silences.longest_ns as f64 * 1e-6),
+            longest_gap_ms: (figures.silences.frames > 1).then_some(figures.silences.longest_ns as f64 * 1e-6),
             sent_bytes: moved.sent_bytes,
             received_bytes: moved.received_bytes,
             rate_out_hz: each_s(figures.taken),

@@ -128,7 +128,7 @@ impl Bench<'_> {
 
     /// How long nothing that could be obeyed has come.
     fn silence(&self) -> String {
-        let silent = if self.in_lockstep() {
+        let silent = if self.in_lockstep() && self.fc.waited >= self.patience() {
             format!("{} ms waited in lockstep", self.fc.waited.as_millis())
         } else {
             format!(

@@ -12,7 +12,9 @@
 mod controller;
 mod figures;
 mod handover;
+mod service;
 mod show;
+mod stall;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -25,18 +27,22 @@ use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
+use crate::disruption::{Disruption, Sample};
+use crate::ground::Ground;
 use crate::link::Link;
 use crate::live::Live;
 use crate::mavlink::measurement::TrueState;
 use crate::mavlink::{Decoder, FromFc};
 use crate::pace::{RealTime, now_ns};
 use crate::planner::Planner;
-use crate::profile::{Heartbeat, Pacing, Profile};
+use crate::profile::{Heartbeat, Pacing, Profile, SensorRates};
 use crate::stream::Streams;
 
 use controller::FlightController;
 use figures::Figures;
 use handover::Hands;
+use stall::{NAMED_WITHIN, Stall, Stalls};
+use service::Services;
 
 /// Longest wait without a look at the request to stop.
 const SLICE: Duration = Duration::from_millis(50);
@@ -69,12 +75,18 @@ pub struct Belief {
     pub estimate_ned_m: hopbench::frame::Vec3,
     /// Whether and why it has given the mission up.
     pub abort: Option<hopbench::autopilot::abort::Abort>,
+    /// On the wire, when it was made.
+    pub time: SimTime,
 }
 
 /// One run on one link.
 pub struct Bench<'a> {
     flight: &'a mut Flight,
     link: &'a mut Link,
+    ground: Option<&'a mut Ground>,
+    services: Services,
+    /// Whether the bench goes on after a flight, until it is stopped.
+    stays: bool,
     options: Options,
     scenario: Scenario,
     scale: Scale,
@@ -83,6 +95,7 @@ pub struct Bench<'a> {
     belief: Option<&'a dyn Fn() -> Option<Belief>>,
     decoder: Decoder,
     streams: Streams,
+    disruption: Disruption,
     fc: FlightController,
     stage: Stage,
     command: ActuatorCommand,
@@ -94,6 +107,7 @@ pub struct Bench<'a> {
     sampled: SimTime,
     clock: RealTime,
     figures: Figures,
+    stalls: Stalls,
     received: Vec<u8>,
 }
 
@@ -113,12 +127,22 @@ impl<'a> Bench<'a> {
         let datum =
             Datum::new(site.latitude_deg.to_radians(), site.longitude_deg.to_radians(), site.altitude_m);
         let step_us = (flight.step_s() * 1e6).round() as u64;
+        let sensors = &scenario.vehicle.sensors;
+        let rates = SensorRates {
+            imu_hz: flight.instruments().imu_rate_hz.unwrap_or(sensors.imu.rate_hz),
+            gnss_hz: sensors.gnss.rate_hz,
+            altimeter_hz: sensors.altimeter.rate_hz,
+        };
         Self {
+            services: Services::new(options.profile, &rates, options.baud),
+            ground: None,
+            stays: false,
             scale: scale(&scenario),
             datum,
             belief: None,
             decoder: Decoder::default(),
             streams: Streams::new(options.profile),
+            disruption: Disruption::new(u64::from(flight.seed())),
             fc: FlightController::default(),
             stage: Stage::Waiting,
             command: ActuatorCommand::SAFE,
@@ -131,6 +155,7 @@ impl<'a> Bench<'a> {
             sampled: SimTime::ZERO,
             clock: RealTime::from_now(flight.time().us(), step_us),
             figures: Figures::begin(),
+            stalls: Stalls::none(),
             received: Vec::with_capacity(64 * 1024),
             scenario,
             flight,
@@ -150,14 +175,35 @@ impl<'a> Bench<'a> {
         self
     }
 
+    /// Lets a ground station watch and ask.
+    #[must_use]
+    pub fn watched(mut self, ground: &'a mut Ground) -> Self {
+        self.ground = Some(ground);
+        self
+    }
+
+    /// Goes on after a flight: it waits for the next reset, until it is stopped.
+    #[must_use]
+    pub fn staying(mut self) -> Self {
+        self.stays = true;
+        self
+    }
+
     /// Runs until the flight has ended or `stop` is set; then the flight's report is complete but for what
     /// is returned here.
     pub fn run(mut self, stop: &AtomicBool) -> (Timing, LinkReport) {
-        while self.flight.outcome().is_none() {
-            if stop.load(Ordering::Relaxed) {
-                self.flight.event("abort:interrupted", "ended by the user".to_owned());
-                self.flight.end(Outcome::Aborted);
+        loop {
+            let over = self.flight.outcome().is_some();
+            if stop.load(Ordering::Relaxed) || (over && !self.stays) {
                 break;
+            }
+            if self.services.begins_again() {
+                self.begin_again();
+                continue;
+            }
+            if over || self.services.stands() {
+                self.stand_by();
+                continue;
             }
             match self.stage {
                 Stage::Waiting => self.wait_for_somebody(),
@@ -176,9 +222,14 @@ impl<'a> Bench<'a> {
             }
             self.judge();
         }
+        if self.flight.outcome().is_none() {
+            self.flight.event("abort:interrupted", "ended by the user".to_owned());
+            self.flight.end(Outcome::Aborted);
+        }
         if let Some(handover) = self.hands.unfinished() {
             self.flight.note_handover(handover);
         }
+        self.serve();
         self.finish()
     }
 
@@ -219,6 +270,7 @@ impl<'a> Bench<'a> {
     /// Simulated time stands still until there is somebody to send to.
     fn wait_for_somebody(&mut self) {
         self.beat();
+        self.serve();
         self.flush();
         self.link.wait(Instant::now() + Duration::from_millis(20));
         self.receive();
@@ -245,16 +297,28 @@ impl<'a> Bench<'a> {
 
     fn step_and_send(&mut self) {
         self.step();
-        if self.flight.measurement().is_some() {
+        self.send_what_is_due();
+    }
+
+    /// What the step gave to send, and what a bad wire has held back until now. The shadow follows while the
+    /// flight controller thinks.
+    fn send_what_is_due(&mut self) {
+        let sampled = self.flight.measurement().is_some();
+        if sampled {
             self.note_sent();
+        }
+        if sampled || !self.disruption.is_clear() {
+            self.serve();
             self.flush();
+        }
+        if sampled {
             self.consult();
         }
     }
 
     fn step_and_await(&mut self, stop: &AtomicBool) {
         self.step();
-        if self.flight.measurement().is_none() {
+        if self.flight.measurement().is_none() && self.disruption.is_clear() {
             return;
         }
         let time_us = self.flight.time().us();
@@ -264,10 +328,8 @@ impl<'a> Bench<'a> {
             self.clock.rebase(time_us);
         }
         self.fc.answered = false;
-        self.note_sent();
-        self.flush();
-        // While the flight controller thinks.
-        self.consult();
+        self.send_what_is_due();
+        let Some(Sample { time_us: sample_us, .. }) = self.fc.awaited else { return self.receive() };
         let start = Instant::now();
         let mut patience = self.options.lockstep_timeout;
         if self.fc.armed {
@@ -275,6 +337,7 @@ impl<'a> Bench<'a> {
             patience = patience.min(self.patience().saturating_sub(self.fc.waited));
         }
         let deadline = start + patience;
+        let mut named = start;
         loop {
             self.receive();
             // A controller that has gone and come back starts from the beginning.
@@ -285,16 +348,37 @@ impl<'a> Bench<'a> {
             if now >= deadline {
                 break;
             }
+            if now - named >= NAMED_WITHIN {
+                named = now;
+                self.live.notice(format!(
+                    "waiting for HIL_ACTUATOR_CONTROLS with time_usec {sample_us} on {}, {} s",
+                    self.link.address(),
+                    (now - start).as_secs()
+                ));
+            }
             self.link.wait(deadline.min(now + SLICE));
             self.clock.has_rested();
         }
-        self.fc.waited += start.elapsed();
-        self.figures.stalls += 1;
-        self.live.notice(format!(
-            "stall: no HIL_ACTUATOR_CONTROLS with time_usec {time_us} within {} ms on {}; the last command holds",
-            patience.as_millis(),
+        self.stall(sample_us, start.elapsed());
+    }
+
+    /// The wait for the answer to a sample was in vain.
+    fn stall(&mut self, sample_us: u64, waited: Duration) {
+        self.fc.waited += waited;
+        let lost = match self.fc.awaited {
+            Some(Sample { lost: true, .. }) => ": a fault of the wire lost it or its sample",
+            _ => "",
+        };
+        let text = format!(
+            "no HIL_ACTUATOR_CONTROLS with time_usec {sample_us} within {} ms on {}{lost}; the last command holds",
+            waited.as_millis(),
             self.link.address()
-        ));
+        );
+        if self.stalls.is_first() {
+            self.flight.event("stall", text.clone());
+        }
+        let now = self.flight.time();
+        self.stalls.count(&Stall { now, sample_us, waited, by_fault: !lost.is_empty() }, text);
     }
 
     /// One step of the plant under the command in force, and what it gives to send.
@@ -306,19 +390,26 @@ impl<'a> Bench<'a> {
         if let Some(handover) = self.hands.watch(self.flight.snapshot()) {
             self.flight.note_handover(handover);
         }
+        if self.disruption.set(self.flight.wire_effect()) {
+            // Straight to it: a bad wire is another matter.
+            self.streams.put_reboot(self.fc.address());
+            self.send_straight();
+        }
         if !self.may_stream() {
             self.beat();
             return;
         }
-        let time = self.flight.time();
+        let (time, on_wire) = (self.flight.time(), self.wire_time());
         let (flight, datum) = (&*self.flight, &self.datum);
-        self.streams.put_truth(time, || true_state(flight, datum));
+        self.streams.put_truth(on_wire, || true_state(flight, datum));
         if let Some(measurement) = self.flight.measurement() {
             (self.sample, self.sampled) = (time.since(self.sampled), time);
             let mut measurement = measurement.clone();
             self.options.profile.clamp(&mut measurement);
+            measurement.time = on_wire;
             self.streams.put_measurement(&measurement);
         }
+        self.streams.put_plant(on_wire, self.flight.snapshot());
     }
 
     /// The built-in autopilot: flies in the fallback, shadows before, and is asked what it believes.
@@ -343,7 +434,8 @@ impl<'a> Bench<'a> {
             return;
         }
         self.flight.shadow(&self.command);
-        if let Some(belief) = self.belief.and_then(|belief| belief()) {
+        // What it believed of the flight before is past.
+        if let Some(belief) = self.belief.and_then(|belief| belief()).filter(|b| !self.is_past(b.time)) {
             self.flight.note_abort(belief.abort);
             self.flight.note_phase(belief.phase);
             self.flight.set_reference_elsewhere(Some(belief.reference_ned_m));
@@ -360,17 +452,26 @@ impl<'a> Bench<'a> {
         for notice in self.link.take_notices() {
             self.take_notice(notice);
         }
+        if !self.disruption.is_clear() {
+            let fc = &mut self.fc;
+            let now = self.flight.time();
+            self.disruption.carry_from_fc(&mut self.received, now, |answer| fc.take_answer(answer));
+        }
         if self.received.is_empty() {
             return;
         }
         self.decoder.push(&self.received);
-        while let Some(frame) = self.decoder.next_frame() {
+        while let Some(frame) = self.decoder.next_frame_raw(|id, raw| {
+            if let Some(ground) = &mut self.ground {
+                ground.forward(id, raw);
+            }
+        }) {
             let said = frame.from_fc();
             let sender = (frame.system_id, frame.component_id);
             match &said {
-                FromFc::Controls(controls) => self.take_controls(controls, sender),
+                FromFc::Controls(controls) => self.take_controls(controls, sender, frame.sequence),
                 FromFc::Heartbeat(beat) => self.take_heartbeat(*beat, sender),
-                _ => self.streams.answer(&said, self.flight.time()),
+                _ => self.take_request(&said),
             }
         }
     }

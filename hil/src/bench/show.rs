@@ -9,12 +9,19 @@ use crate::pace::now_ns;
 impl Bench<'_> {
     pub(super) fn inform(&mut self) {
         let now = now_ns();
+        if let Some(text) = self.stalls.notice(now) {
+            self.live.notice(text);
+        }
         if self.fc.first.is_none() {
             if now >= self.figures.next_message_ns {
                 self.figures.next_message_ns = now + 1_000_000_000;
                 let bytes = self.link.counters().received_bytes;
                 let nonsense = bytes > 0 && self.decoder.counters().frames == 0;
+                let live_board = self.options.profile.needs_hil_flag && self.fc.heartbeat == Some(false);
                 let hint = match (nonsense, self.options.baud) {
+                    _ if live_board => {
+                        ", its HEARTBEAT lacks the HIL flag, so nothing but heartbeats is sent: SYS_HITL 1, then reboot"
+                    }
                     (true, Some(_)) => ", no MAVLink in them: wrong baud rate?",
                     (true, None) => ", no MAVLink in them",
                     _ => "",

@@ -60,6 +60,11 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             }
             .into());
         };
+        let text = if matches!(key.as_str(), "fault.component" | "fault.mode" | "fault.value") {
+            format!("{text}\n{}", hopbench::fault::explain().trim_end())
+        } else {
+            text
+        };
         if common.json {
             print_json(&json!({ "key": key, "text": text }))?;
         } else {

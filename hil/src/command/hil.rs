@@ -8,12 +8,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use hopbench::input::InputError;
-use hopbench::scenario::Scenario;
+use hopbench::scenario::{Outcome, Scenario};
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
 use crate::bench::{Belief, Bench, Options};
 use crate::certificate::{self, Machine};
+use crate::ground::Ground;
 use crate::link::{Link, LinkSpec};
 use crate::live::Live;
 use crate::load;
@@ -33,6 +34,12 @@ pub struct Args {
     /// What the flight controller expects; by default what fits the link
     #[arg(long, value_name = "PROFILE", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
     pub profile: Option<String>,
+    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a link as for --fc
+    #[arg(long, value_name = "LINK")]
+    pub gcs: Option<LinkSpec>,
+    /// After a flight wait for a reset and fly again, until Ctrl-C
+    #[arg(long)]
+    pub stay: bool,
     /// Steps follow the wall clock
     #[arg(long, conflicts_with = "lockstep")]
     pub realtime: bool,
@@ -57,6 +64,9 @@ pub struct Args {
     /// Measure a bare sleep and a bare echo beside the run
     #[arg(long)]
     pub references: bool,
+    /// I have disconnected the igniter and the oxidiser; px4-hitl asks for it, since a real board may fire real outputs
+    #[arg(long)]
+    pub igniter_disconnected: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens
     #[arg(long, value_name = "PATH")]
     pub ready_file: Option<PathBuf>,
@@ -78,6 +88,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Err(load::unusable(&args.scenario, "sensors.enabled = false leaves nothing to send").into());
     }
     let profile = chosen_profile(args);
+    check_interlock(args, profile)?;
     let pacing = chosen_pacing(args, profile)?;
     let instruments =
         Instrumentation { imu_rate_hz: args.sensor_hz.map(f64::from), gnss_delay_s: profile.gnss_delay_s };
@@ -101,6 +112,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         None => "udp-listen:127.0.0.1:0".parse()?,
     };
     let mut link = Link::open(&spec)?;
+    let mut ground = match &args.gcs {
+        Some(spec) => Some(Ground::new(Link::open(spec)?, baud_of(spec))),
+        None => None,
+    };
     let folder = match &common.out {
         Some(path) => RunFolder::create(path)?,
         None => RunFolder::for_run_of(&scenario.name)?,
@@ -111,9 +126,13 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         None => Some(BuiltIn::start(&scenario, &instruments, profile, link.address())?),
     };
     if let Some(path) = &args.ready_file {
-        write_ready_file(path, &link)?;
+        write_ready_file(path, &link, ground.as_ref())?;
     }
     live.notice(format!("{} on {}, profile {}", scenario.name, link.address(), profile.name));
+    if let Some(ground) = &ground {
+        live.notice(format!("ground station on {}", ground.address()));
+    }
+    link.port_settings().into_iter().for_each(|settings| live.notice(settings.to_owned()));
 
     let options = Options {
         profile,
@@ -127,8 +146,14 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let privileges = privileges(args);
     let yardsticks = args.references.then(|| Yardsticks::start((flight.step_s() * 1e6).round() as u64));
     let yardsticks = yardsticks.transpose().context("no bare sleep and echo beside the run")?;
-    let (mut timing, link_report) =
-        Bench::new(&mut flight, &mut link, options, live).believing(&belief).run(&stop);
+    let mut bench = Bench::new(&mut flight, &mut link, options, live).believing(&belief);
+    if let Some(ground) = &mut ground {
+        bench = bench.watched(ground);
+    }
+    if args.stay {
+        bench = bench.staying();
+    }
+    let (mut timing, link_report) = bench.run(&stop);
     if let Some((sleep, echo)) = yardsticks.map(Yardsticks::finish) {
         (timing.reference_sleep_us, timing.reference_echo_us) = (sleep.percentiles(), echo.percentiles());
     }
@@ -144,6 +169,9 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.timing = timing;
     report.link = Some(link_report);
     report.overrides = common.set.clone();
+    report.ground = ground.as_ref().map(Ground::figures);
+    // A flight that somebody cut short is judged too, but its verdict is not the run's.
+    let others_passed = report.flights.iter().all(|f| f.expect.passed || f.outcome == Outcome::Aborted);
     // The verdict is printed whatever becomes of the disk.
     let kept = folder.write(&mut report).and_then(|()| {
         let bench =
@@ -156,7 +184,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         print_text(&summary(&report))?;
     }
     kept?;
-    Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
+    Ok(ExitCode::from(if report.expect.passed && others_passed { DONE } else { UNEXPECTED }))
 }
 
 /// What the stepping thread, this one, asks of the kernel; nothing where no clock is followed.
@@ -194,6 +222,19 @@ fn chosen_pacing(args: &Args, profile: &Profile) -> Result<Pacing, InputError> {
     Ok(pacing)
 }
 
+/// Nobody but the person at the bench knows what hangs on a board's outputs.
+fn check_interlock(args: &Args, profile: &Profile) -> Result<(), InputError> {
+    if args.fc.is_none() || !profile.needs_hil_flag || args.igniter_disconnected {
+        return Ok(());
+    }
+    let reason = format!(
+        "profile {} arms a real board whose outputs may be live: disconnect the igniter and the oxidiser, then \
+         say so with --igniter-disconnected",
+        profile.name
+    );
+    Err(wrong("--igniter-disconnected", reason))
+}
+
 /// Whether the profile fits the line; its baud rate, where there is one.
 fn check_budget(
     args: &Args,
@@ -201,14 +242,14 @@ fn check_budget(
     scenario: &Scenario,
     live: &Live,
 ) -> Result<Option<u32>, InputError> {
-    let Some(LinkSpec::Serial { baud, .. }) = &args.fc else { return Ok(None) };
+    let Some(baud) = args.fc.as_ref().and_then(baud_of) else { return Ok(None) };
     let sensors = &scenario.vehicle.sensors;
     let rates = SensorRates {
         imu_hz: args.sensor_hz.map_or(sensors.imu.rate_hz, f64::from),
         gnss_hz: sensors.gnss.rate_hz,
         altimeter_hz: sensors.altimeter.rate_hz,
     };
-    match profile.budget(&rates, *baud) {
+    match profile.budget(&rates, baud) {
         Budget::Fits { .. } => {}
         Budget::Tight { load_percent } => live.notice(format!(
             "{load_percent:.0} % of {baud} baud are taken at {:.0} Hz: expect jitter, or lower --sensor-hz",
@@ -226,7 +267,15 @@ fn check_budget(
             return Err(wrong("--fc", taken));
         }
     }
-    Ok(Some(*baud))
+    Ok(Some(baud))
+}
+
+/// Symbols a second, where a link has such a rate.
+fn baud_of(spec: &LinkSpec) -> Option<u32> {
+    match spec {
+        LinkSpec::Serial { baud, .. } => Some(*baud),
+        _ => None,
+    }
 }
 
 /// The built-in autopilot on a thread, at the other end of the bench's own link.
@@ -244,7 +293,7 @@ impl BuiltIn {
         address: &str,
     ) -> Result<Self> {
         let plant: LinkSpec = address.replace("udp-listen:", "udp:").parse()?;
-        let mut pilot = autopilot::pilot(scenario, instruments, profile.throttle)?;
+        let mut pilot = autopilot::pilot(scenario, instruments, profile.throttle)?.staying();
         let mut link = Link::open(&plant)?;
         let (done, belief) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(None)));
         let (stop, told) = (Arc::clone(&done), Arc::clone(&belief));
@@ -306,8 +355,12 @@ fn remove_ready_file(path: &Path) -> Result<()> {
 }
 
 /// Whoever waits for the file never sees half of it.
-fn write_ready_file(path: &Path, link: &Link) -> Result<()> {
-    let text = serde_json::json!({ "fc": link.address() }).to_string() + "\n";
+fn write_ready_file(path: &Path, link: &Link, ground: Option<&Ground>) -> Result<()> {
+    let mut addresses = serde_json::json!({ "fc": link.address() });
+    if let Some(ground) = ground {
+        addresses["gcs"] = ground.address().into();
+    }
+    let text = addresses.to_string() + "\n";
     let mut half = path.as_os_str().to_owned();
     half.push(".part");
     std::fs::write(&half, text)
@@ -315,7 +368,7 @@ fn write_ready_file(path: &Path, link: &Link) -> Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-fn sensor_rate(text: &str) -> Result<u32, String> {
+pub(super) fn sensor_rate(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(hz) if hz > 0 && 1000 % hz == 0 => Ok(hz),
         _ => Err("allowed: the divisors of 1000".to_owned()),

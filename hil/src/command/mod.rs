@@ -8,9 +8,11 @@ use hopbench::input::{Fault, InputError};
 pub mod autopilot;
 pub mod campaign;
 pub mod check;
+pub mod doctor;
 pub mod engine;
 pub mod fly;
 pub mod hil;
+pub mod px4_params;
 
 /// What every command takes.
 #[derive(Clone, Debug, Default, clap::Args)]

@@ -5,7 +5,7 @@
 
 use hopbench::frame::Vec3;
 use hopbench::signal::{
-    AltimeterSample, BarometerSample, GnssFix, ImuSample, Measurement, Pressures, TrackingSample,
+    AltimeterSample, BarometerSample, BrokenImu, GnssFix, ImuSample, Measurement, Pressures, TrackingSample,
 };
 use hopbench::time::SimTime;
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -17,6 +17,8 @@ const UPDATED_GYROSCOPE: u32 = 0x38;
 const UPDATED_MAGNETOMETER: u32 = 0x1C0;
 /// Absolute pressure, altitude and temperature; PX4 ignores the barometer unless all three are set.
 const UPDATED_BAROMETER: u32 = 0x1A00;
+/// HIL_SENSOR_UPDATED_RESET
+const RESET: u32 = 1 << 31;
 const CELSIUS_ZERO_K: f64 = 273.15;
 const TESLA_PER_GAUSS: f64 = 1e-4;
 /// Standard gravity, for accelerations in mg.
@@ -46,22 +48,28 @@ pub struct TrueState {
     pub specific_force_body_m_s2: Vec3,
 }
 
-/// HIL_SENSOR, `None` without an inertial sample: that is what paces a flight controller.
+/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The beat goes
+/// on when the unit has nothing to tell; then the mask says so.
 pub fn hil_sensor(measurement: &Measurement) -> Option<MavMessage> {
-    let imu = measurement.imu.as_ref()?;
-    let (f, w) = (imu.specific_force_body_m_s2, imu.rate_body_rad_s);
+    let (force, rate, temperature_k) = match (&measurement.imu, &measurement.broken_imu) {
+        (Some(imu), _) => (Some(imu.specific_force_body_m_s2), Some(imu.rate_body_rad_s), imu.temperature_k),
+        (None, Some(unit)) => (unit.specific_force_body_m_s2, unit.rate_body_rad_s, unit.temperature_k),
+        (None, None) => return None,
+    };
     let mut data = dialect::HIL_SENSOR_DATA {
         time_usec: measurement.time.us(),
-        xacc: f.x as f32,
-        yacc: f.y as f32,
-        zacc: f.z as f32,
-        xgyro: w.x as f32,
-        ygyro: w.y as f32,
-        zgyro: w.z as f32,
-        temperature: (imu.temperature_k - CELSIUS_ZERO_K) as f32,
+        temperature: (temperature_k - CELSIUS_ZERO_K) as f32,
         ..Default::default()
     };
-    let mut updated = UPDATED_ACCELEROMETER | UPDATED_GYROSCOPE;
+    let mut updated = 0;
+    if let Some(f) = force {
+        (data.xacc, data.yacc, data.zacc) = (f.x as f32, f.y as f32, f.z as f32);
+        updated |= UPDATED_ACCELEROMETER;
+    }
+    if let Some(w) = rate {
+        (data.xgyro, data.ygyro, data.zgyro) = (w.x as f32, w.y as f32, w.z as f32);
+        updated |= UPDATED_GYROSCOPE;
+    }
     if let Some(field_t) = measurement.magnetic_field_body_t {
         let gauss = field_t / TESLA_PER_GAUSS; // T -> gauss
         (data.xmag, data.ymag, data.zmag) = (gauss.x as f32, gauss.y as f32, gauss.z as f32);
@@ -75,6 +83,20 @@ pub fn hil_sensor(measurement: &Measurement) -> Option<MavMessage> {
     }
     data.fields_updated = dialect::HilSensorUpdatedFlags::from_bits_retain(updated);
     Some(MavMessage::HIL_SENSOR(data))
+}
+
+/// HIL_SENSOR that says nothing but that the vehicle was put elsewhere: a new flight begins.
+pub fn reset_mark(time_us: u64) -> MavMessage {
+    MavMessage::HIL_SENSOR(dialect::HIL_SENSOR_DATA {
+        time_usec: time_us,
+        fields_updated: dialect::HilSensorUpdatedFlags::from_bits_retain(RESET),
+        ..Default::default()
+    })
+}
+
+/// Whether a message is such a mark.
+pub fn is_reset(message: &MavMessage) -> bool {
+    matches!(message, MavMessage::HIL_SENSOR(data) if data.fields_updated.bits() & RESET != 0)
 }
 
 /// HIL_GPS, when there is a new fix.
@@ -199,6 +221,10 @@ pub struct Gatherer {
 impl Gatherer {
     /// Takes one message; a HIL_SENSOR gives the measurement with all that came before it.
     pub fn take(&mut self, message: &MavMessage) -> Option<Measurement> {
+        if is_reset(message) {
+            *self = Self::default();
+            return None;
+        }
         match message {
             MavMessage::HIL_SENSOR(data) => return Some(self.complete(data)),
             MavMessage::HIL_GPS(data) => {
@@ -259,16 +285,23 @@ impl Gatherer {
         let updated = data.fields_updated.bits();
         let has = |mask: u32| updated & mask == mask;
         let temperature_k = f64::from(data.temperature) + CELSIUS_ZERO_K; // °C -> K
-        if has(UPDATED_ACCELEROMETER | UPDATED_GYROSCOPE) {
-            // The first sample has no predecessor; it is stamped one period after step 0.
-            let interval = measurement.time.since(self.last_time.unwrap_or(SimTime::ZERO));
-            measurement.imu = Some(ImuSample {
-                specific_force_body_m_s2: Vec3::new(data.xacc.into(), data.yacc.into(), data.zacc.into()),
-                rate_body_rad_s: Vec3::new(data.xgyro.into(), data.ygyro.into(), data.zgyro.into()),
-                interval_s: interval.s(),
+        // The first sample has no predecessor; it is stamped one period after step 0.
+        let interval_s = measurement.time.since(self.last_time.unwrap_or(SimTime::ZERO)).s();
+        self.last_time = Some(measurement.time);
+        let force = has(UPDATED_ACCELEROMETER)
+            .then(|| Vec3::new(data.xacc.into(), data.yacc.into(), data.zacc.into()));
+        let rate =
+            has(UPDATED_GYROSCOPE).then(|| Vec3::new(data.xgyro.into(), data.ygyro.into(), data.zgyro.into()));
+        if let (Some(specific_force_body_m_s2), Some(rate_body_rad_s)) = (force, rate) {
+            measurement.imu =
+                Some(ImuSample { specific_force_body_m_s2, rate_body_rad_s, interval_s, temperature_k });
+        } else {
+            measurement.broken_imu = Some(BrokenImu {
+                specific_force_body_m_s2: force,
+                rate_body_rad_s: rate,
+                interval_s,
                 temperature_k,
             });
-            self.last_time = Some(measurement.time);
         }
         if has(UPDATED_MAGNETOMETER) {
             let gauss = Vec3::new(data.xmag.into(), data.ymag.into(), data.zmag.into());
@@ -295,7 +328,7 @@ pub fn named_pressures(pressures: &Pressures) -> [(&'static str, Option<f64>); 3
 }
 
 /// rad -> 1e-7 deg
-fn deg_e7(angle_rad: f64) -> i32 {
+pub(super) fn deg_e7(angle_rad: f64) -> i32 {
     (angle_rad.to_degrees() * 1e7).round() as i32
 }
 
@@ -304,7 +337,7 @@ fn centi_u16(value: f64) -> u16 {
     ((value * 100.0).round() as u16).min(u16::MAX - 1)
 }
 
-fn centi_i16(value: f64) -> i16 {
+pub(super) fn centi_i16(value: f64) -> i16 {
     (value * 100.0).round() as i16
 }
 
@@ -322,6 +355,7 @@ mod tests {
                 interval_s: 0.004,
                 temperature_k: 293.15,
             }),
+            broken_imu: None,
             gnss: Some(GnssFix {
                 latitude_rad: 0.82,
                 longitude_rad: -0.15,
@@ -418,8 +452,24 @@ mod tests {
         assert_eq!(mask(&m), 0x3F | 0x1C0);
         m.magnetic_field_body_t = None;
         assert_eq!(mask(&m), 0x3F);
-        m.imu = None;
+        // A unit whose half is dead keeps the beat, and the mask says which half is left.
+        let imu = m.imu.take().unwrap();
         assert!(hil_sensor(&m).is_none());
+        let mut unit = BrokenImu {
+            specific_force_body_m_s2: None,
+            rate_body_rad_s: Some(imu.rate_body_rad_s),
+            interval_s: imu.interval_s,
+            temperature_k: imu.temperature_k,
+        };
+        for expected in [0x38, 0] {
+            m.broken_imu = Some(unit);
+            assert_eq!(mask(&m), expected);
+            let got = Gatherer::default().take(&hil_sensor(&m).unwrap()).unwrap();
+            let left = got.broken_imu.unwrap();
+            assert!(got.imu.is_none() && left.specific_force_body_m_s2.is_none());
+            assert_eq!(left.rate_body_rad_s.is_some(), expected != 0);
+            unit.rate_body_rad_s = None;
+        }
     }
 
     #[test]

@@ -46,8 +46,7 @@ pub fn run(scenario: &Scenario, options: Options, fc: impl FnOnce(&mut Fc) -> Th
             (report.timing, report.link) = (timing, Some(link));
             report
         });
-        let mut other_end =
-            Fc { link: far, decoder: Decoder::default(), encoder: Encoder::new(1, 1), received: Vec::new() };
+        let mut other_end = Fc::new(far);
         // A failed assertion in `fc` must end the run too, or the scope would wait for ever.
         let then = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| fc(&mut other_end)));
         if !matches!(then, Ok(Then::RunOn)) {
@@ -76,6 +75,10 @@ pub struct Fc {
 }
 
 impl Fc {
+    pub fn new(link: Link) -> Self {
+        Self { link, decoder: Decoder::default(), encoder: Encoder::new(1, 1), received: Vec::new() }
+    }
+
     /// The next message, `None` when none comes within `patience`.
     pub fn next_within(&mut self, patience: Duration) -> Option<MavMessage> {
         let deadline = Instant::now() + patience;

@@ -79,7 +79,8 @@ fn python_tests(pytest: &[String]) -> Outcome {
 
 fn long_evidence() -> Outcome {
     println!(
-        "long evidence: 10 000 random vehicle files, then the Python tests marked `long` (tests/python)"
+        "long evidence: 10 000 random vehicle files, a million lockstep steps on a bad wire, then the Python tests \
+         marked `long` (tests/python)"
     );
     stage(
         "10 000 random vehicles",
@@ -87,6 +88,13 @@ fn long_evidence() -> Outcome {
             .args(["test", "--release", "--locked", "-p", "hopbench", "--test", "invariant_random_vehicles"])
             .args(["--", "--nocapture"])
             .env("HOPBENCH_RANDOM_FILES", "10000"),
+    )?;
+    stage(
+        "a million lockstep steps",
+        cargo()
+            .args(["test", "--release", "--locked", "-p", "hopbench-hil", "--test", "wire_endurance"])
+            .args(["--", "--nocapture"])
+            .env("HOPBENCH_LOCKSTEP_STEPS", "1000000"),
     )?;
     let hopbench = release_binary()?;
     let python = python::environment(&root())?;

@@ -1,0 +1,149 @@
+//! What is said besides the streams: answers, parameter lists, texts. It waits its turn and keeps within an allowance
+//! of bytes, so that no list of parameters delays a sample.
+
+use std::collections::VecDeque;
+
+use crate::mavlink::{MavMessage, Severity, status_text};
+
+/// Messages that wait; what comes on top is dropped and counted.
+const QUEUE: usize = 256;
+/// Rate of a socket (byte/s): no limit to anybody, but a bound.
+const SOCKET_BYTES_S: f64 = 250e3;
+/// What may be sent at once is what comes in so long a time (s): a sample is late by no more.
+const BURST_S: f64 = 0.004;
+
+/// Bytes a second that may be spent, by the wall clock.
+#[derive(Clone, Copy, Debug)]
+pub struct Allowance {
+    bytes_s: f64,
+    left: f64,
+    at_ns: u64,
+}
+
+impl Allowance {
+    /// So many bytes a second.
+    pub fn new(bytes_s: f64) -> Self {
+        Self { bytes_s, left: 0.0, at_ns: 0 }
+    }
+
+    /// On a socket.
+    pub fn socket() -> Self {
+        Self::new(SOCKET_BYTES_S)
+    }
+
+    /// From now on so many bytes a second.
+    pub fn set_rate(&mut self, bytes_s: f64) {
+        self.bytes_s = bytes_s;
+    }
+
+    /// Whether one more frame may be sent now.
+    pub fn is_open(&mut self, now_ns: u64) -> bool {
+        let since_s = now_ns.saturating_sub(self.at_ns) as f64 * 1e-9;
+        self.at_ns = now_ns;
+        // At least one byte, or a slow line would never open.
+        let most = (self.bytes_s * BURST_S).max(1.0);
+        self.left = (self.left + since_s * self.bytes_s).min(most);
+        self.left > 0.0
+    }
+
+    /// A frame of so many bytes was sent.
+    pub fn spend(&mut self, bytes: usize) {
+        self.left -= bytes as f64;
+    }
+}
+
+/// One end of a link at which requests are answered.
+#[derive(Debug, Default)]
+pub struct Desk {
+    waiting: VecDeque<MavMessage>,
+    /// Next entry of the list of parameters that was asked for.
+    listing: Option<u16>,
+    text_id: u16,
+    dropped: u64,
+}
+
+impl Desk {
+    /// Says this when its turn comes.
+    pub fn say(&mut self, message: MavMessage) {
+        if self.waiting.len() < QUEUE {
+            self.waiting.push_back(message);
+        } else {
+            self.dropped += 1;
+        }
+    }
+
+    /// Says a text, in pieces where it is long.
+    pub fn tell(&mut self, severity: Severity, text: &str) {
+        self.text_id = self.text_id.wrapping_add(1);
+        for piece in status_text(severity, text, self.text_id) {
+            self.say(piece);
+        }
+    }
+
+    /// Begins the list of parameters, or begins it again.
+    pub fn list_parameters(&mut self) {
+        self.listing = Some(0);
+    }
+
+    /// What is to be sent next. `parameter` gives an entry of the list, `None` behind its end.
+    pub fn next(&mut self, parameter: impl FnOnce(u16) -> Option<MavMessage>) -> Option<MavMessage> {
+        if let Some(message) = self.waiting.pop_front() {
+            return Some(message);
+        }
+        let index = self.listing?;
+        let message = parameter(index);
+        self.listing = message.is_some().then_some(index + 1);
+        message
+    }
+
+    /// Messages that found no room.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mavlink::heartbeat;
+
+    /// 9216 byte/s for a second, asked every millisecond, in frames of 37 bytes.
+    #[test]
+    fn an_allowance_is_kept_to_a_frame_and_a_burst() {
+        let mut allowance = Allowance::new(9216.0);
+        let mut spent = 0;
+        for ms in 0..=1000 {
+            while allowance.is_open(ms * 1_000_000) {
+                allowance.spend(37);
+                spent += 37;
+            }
+        }
+        assert!((9216 - 37..=9216 + 37 + 37).contains(&spent), "{spent}");
+        // A long rest gives no more than the burst: 36.9 bytes, so one frame, and a second one that it begins.
+        let mut frames = 0;
+        while allowance.is_open(60_000_000_000) {
+            allowance.spend(37);
+            frames += 1;
+        }
+        assert!(frames <= 2, "{frames}");
+    }
+
+    #[test]
+    fn a_list_comes_after_what_waits_and_ends() {
+        let mut desk = Desk::default();
+        desk.list_parameters();
+        desk.say(heartbeat(0));
+        let entry = |i: u16| (i < 3).then(|| crate::mavlink::parameter_value("X", f64::from(i), i, 3));
+        let said: Vec<_> = std::iter::from_fn(|| desk.next(entry)).collect();
+        assert_eq!(said.len(), 4);
+        assert!(matches!(said[0], MavMessage::HEARTBEAT(_)));
+        assert!(matches!(&said[3], MavMessage::PARAM_VALUE(data) if data.param_index == 2));
+    }
+
+    #[test]
+    fn what_finds_no_room_is_counted() {
+        let mut desk = Desk::default();
+        (0..300).for_each(|_| desk.say(heartbeat(0)));
+        assert_eq!(desk.dropped(), 300 - QUEUE as u64);
+    }
+}

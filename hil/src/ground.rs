@@ -1,0 +1,273 @@
+//! The ground station's link: telemetry of the true vehicle, answers, and the flight controller's traffic both ways.
+//!
+//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins with SIMULATED,
+//! so that nobody takes it for the flight controller or for a real vehicle. The controller's frames pass as they came,
+//! byte for byte, unknown and signed ones too; messages of the simulation loop (HIL_*) never pass, in either direction.
+//! Telemetry is for people: it follows the wall clock, and goes on while simulated time stands.
+
+use std::collections::VecDeque;
+
+use hopbench::environment::geodesy::Datum;
+use hopbench::fault::Component;
+use hopbench::simulation::Flight;
+use hopbench::simulation::report::GroundReport;
+use hopbench::time::SimTime;
+
+use crate::desk::{Allowance, Desk};
+use crate::link::{Link, Notice};
+use crate::mavlink::telemetry::{
+    PLANT_ARRAY_ID, Sensor, attitude, extended_state, global_position, local_position, plant_array,
+    system_status, vehicle_heartbeat,
+};
+use crate::mavlink::{Address, Command, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
+use crate::stream::Timer;
+
+/// Who the bench is to a ground station.
+pub const GROUND_ADDRESS: Address = Address { system: 250, component: 1 };
+/// Frames of the flight controller that wait; what comes on top is dropped and counted.
+const QUEUE: usize = 256;
+/// A datagram is sent when it holds this much, which passes any network whole.
+const DATAGRAM_BYTES: usize = 1200;
+/// Share of a serial line that is used.
+const SHARE: f64 = 0.9;
+/// Least interval that may be asked for (us).
+const LEAST_US: u64 = 4_000;
+
+/// Telemetry and how often it comes by default (us). The plant's floats come last: they need the most room.
+const TELEMETRY: [(u32, u64); 6] =
+    [(31, 100_000), (32, 100_000), (33, 100_000), (245, 500_000), (1, 1_000_000), (PLANT_ARRAY_ID, 100_000)];
+
+/// The link and who speaks on it.
+pub struct Ground {
+    link: Link,
+    decoder: Decoder,
+    encoder: Encoder,
+    /// Answers and texts.
+    pub desk: Desk,
+    allowance: Allowance,
+    heartbeat: Timer,
+    banner: Timer,
+    telemetry: [(u32, Option<Timer>); TELEMETRY.len()],
+    from_fc: VecDeque<Vec<u8>>,
+    out: Vec<u8>,
+    counts: GroundReport,
+}
+
+/// What came from the ground.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FromGround {
+    /// For the bench.
+    Request(Frame),
+    /// For the flight controller, as it came.
+    Forward(Vec<u8>),
+}
+
+/// What telemetry is made of.
+pub struct View<'a> {
+    /// The flight.
+    pub flight: &'a Flight,
+    /// Where its pad is.
+    pub datum: &'a Datum,
+    /// Time on the wire (us).
+    pub time_us: u64,
+    /// Whether the vehicle obeys its controls.
+    pub is_armed: bool,
+}
+
+impl Ground {
+    /// On an open link, with so many symbols a second where it has such a rate.
+    pub fn new(link: Link, baud: Option<u32>) -> Self {
+        let bytes_s = |baud: u32| f64::from(baud) / 10.0 * SHARE; // ten symbols to a byte
+        let Address { system, component } = GROUND_ADDRESS;
+        Self {
+            link,
+            decoder: Decoder::default(),
+            encoder: Encoder::new(system, component),
+            desk: Desk::default(),
+            allowance: baud.map_or_else(Allowance::socket, |baud| Allowance::new(bytes_s(baud))),
+            heartbeat: Timer::every_us(1_000_000),
+            banner: Timer::every_us(10_000_000),
+            telemetry: TELEMETRY.map(|(id, interval_us)| (id, Some(Timer::every_us(interval_us)))),
+            from_fc: VecDeque::new(),
+            out: Vec::with_capacity(2 * DATAGRAM_BYTES),
+            counts: GroundReport::default(),
+        }
+    }
+
+    /// The link with the address actually bound.
+    pub fn address(&self) -> &str {
+        self.link.address()
+    }
+
+    /// Whether somebody is there to be told.
+    pub fn has_listener(&self) -> bool {
+        self.link.has_peer()
+    }
+
+    /// Everything that has arrived, and who came and went.
+    pub fn receive(&mut self) -> (Vec<FromGround>, Vec<Notice>) {
+        let (mut bytes, mut heard) = (Vec::new(), Vec::new());
+        self.link.receive(&mut bytes);
+        let notices = self.link.take_notices();
+        if notices.iter().any(|notice| matches!(notice, Notice::Connected(_))) {
+            self.decoder.forget_senders();
+            self.banner = Timer::every_us(10_000_000);
+        }
+        if bytes.is_empty() {
+            return (heard, notices);
+        }
+        self.decoder.push(&bytes);
+        loop {
+            let mut whole = Vec::new();
+            let frame = self.decoder.next_frame_raw(|id, raw| whole.push((id, raw.to_vec())));
+            // Before it came only messages that the dialect does not have.
+            let own = if frame.is_some() { whole.pop() } else { None };
+            heard.extend(whole.into_iter().map(|(_, raw)| FromGround::Forward(raw)));
+            let (Some(frame), Some((id, raw))) = (frame, own) else { break };
+            let target = frame.target().system;
+            if !is_hil(id) && target != GROUND_ADDRESS.system {
+                heard.push(FromGround::Forward(raw));
+            }
+            if target == GROUND_ADDRESS.system || target == 0 {
+                heard.push(FromGround::Request(frame));
+            }
+        }
+        (heard, notices)
+    }
+
+    /// A frame of the flight controller, to be sent when there is room.
+    pub fn forward(&mut self, message_id: u32, raw: &[u8]) {
+        if is_hil(message_id) || !self.link.has_peer() {
+            return;
+        }
+        if self.from_fc.len() < QUEUE {
+            self.from_fc.push_back(raw.to_vec());
+        } else {
+            self.counts.dropped += 1;
+        }
+    }
+
+    /// How often a message comes (us): `None` never, 0 its default. Whether that is in the bench's hand.
+    pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> bool {
+        let default_us = TELEMETRY.iter().find(|(id, _)| *id == message_id).map(|(_, us)| *us);
+        let place = self.telemetry.iter_mut().find(|(id, _)| *id == message_id);
+        let (Some(default_us), Some((_, timer))) = (default_us, place) else { return false };
+        *timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us.max(LEAST_US) }));
+        true
+    }
+
+    /// COMMAND_ACK; small, and somebody waits for it.
+    pub fn acknowledge(&mut self, command: &Command, result: u8) {
+        self.encoder.encode_ack(command, result, &mut self.out);
+    }
+
+    /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
+    pub fn speak(&mut self, now_ns: u64, view: &View, parameter: impl Fn(u16) -> Option<MavMessage>) {
+        if !self.link.has_peer() {
+            self.from_fc.clear();
+            self.out.clear();
+            return;
+        }
+        let now = SimTime::from_us(now_ns / 1000);
+        if self.heartbeat.fires(now) {
+            self.put(&vehicle_heartbeat(view.is_armed));
+        }
+        if self.banner.fires(now) {
+            let text = format!("SIMULATED: {} on a test bench, no vehicle flies", view.flight.scenario().name);
+            self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &text);
+        }
+        while self.allowance.is_open(now_ns)
+            && let Some(message) = self.desk.next(&parameter)
+        {
+            self.put(&message);
+        }
+        let last = self.telemetry.len() - 1;
+        for i in 0..last {
+            self.report(i, now_ns, view);
+        }
+        while self.allowance.is_open(now_ns)
+            && let Some(raw) = self.from_fc.pop_front()
+        {
+            self.room_for(raw.len());
+            self.allowance.spend(raw.len());
+            self.out.extend_from_slice(&raw);
+            self.counts.forwarded_from_fc += 1;
+        }
+        self.report(last, now_ns, view);
+        self.flush();
+    }
+
+    /// One kind of telemetry, if it is due and fits; what does not fit comes as soon as it does.
+    fn report(&mut self, place: usize, now_ns: u64, view: &View) {
+        let (id, timer) = &mut self.telemetry[place];
+        let id = *id;
+        let Some(timer) = timer else { return };
+        if !self.allowance.is_open(now_ns) || !timer.fires(SimTime::from_us(now_ns / 1000)) {
+            return;
+        }
+        let (now, time_us) = (view.flight.snapshot(), view.time_us);
+        let message = match id {
+            31 => attitude(now, time_us),
+            32 => local_position(now, time_us),
+            33 => global_position(now, view.datum, time_us),
+            245 => extended_state(now),
+            PLANT_ARRAY_ID => plant_array(now, time_us),
+            _ => system_status(&faulty(view.flight)),
+        };
+        self.put(&message);
+    }
+
+    fn put(&mut self, message: &MavMessage) {
+        self.room_for(280);
+        let before = self.out.len();
+        self.encoder.encode(message, &mut self.out);
+        self.allowance.spend(self.out.len() - before);
+    }
+
+    fn room_for(&mut self, bytes: usize) {
+        if self.out.len() + bytes > DATAGRAM_BYTES {
+            self.flush();
+        }
+    }
+
+    fn flush(&mut self) {
+        self.link.send(&self.out);
+        self.out.clear();
+    }
+
+    /// A frame reached the flight controller's wire.
+    pub fn note_forwarded(&mut self) {
+        self.counts.forwarded_to_fc += 1;
+    }
+
+    /// A frame for the flight controller found no room.
+    pub fn note_dropped(&mut self) {
+        self.counts.dropped += 1;
+    }
+
+    /// What has passed.
+    pub fn figures(&self) -> GroundReport {
+        let decoder = self.decoder.counters();
+        GroundReport {
+            sent: self.encoder.frames(),
+            received: decoder.frames + decoder.unknown,
+            crc_errors: decoder.crc_errors,
+            dropped: self.counts.dropped + self.desk.dropped() + self.link.counters().dropped_queue_full,
+            ..self.counts.clone()
+        }
+    }
+}
+
+/// Sensors in which a fault acts.
+fn faulty(flight: &Flight) -> Vec<Sensor> {
+    let sensor = |component| match component {
+        Component::Gyroscope => Some(Sensor::Gyroscope),
+        Component::Accelerometer => Some(Sensor::Accelerometer),
+        Component::Magnetometer => Some(Sensor::Magnetometer),
+        Component::Barometer => Some(Sensor::Barometer),
+        Component::Gnss => Some(Sensor::Gnss),
+        Component::Altimeter => Some(Sensor::Altimeter),
+        _ => None,
+    };
+    flight.faults().filter_map(|fault| sensor(fault.component)).collect()
+}

@@ -1,0 +1,204 @@
+//! What is broken in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame and engine.
+//!
+//! Everything here changes between steps. The engine controller goes on with the sound engine ([`super::command`]): a
+//! valve that is off or a chamber that burns badly is seen as thrust that is not what was asked for. It reads the
+//! tank's pressure as it does in blow-down, so it opens the valve farther under a regulator that droops, until that is
+//! open. Ideal actuators have no dynamics to slow and no play to widen; the rest acts on them at once.
+//!
+//! A regulator that droops lets no gas back: the tank falls as its gas expands into the room that the liquid leaves,
+//! at constant temperature, down to the lower outlet pressure; it recovers with the regulator's response time.
+//! With gas as a state the regulator's own balance does that.
+
+use super::{Evaluation, Plant, State};
+use crate::actuator::{Servo, StrokeValve};
+use crate::fault::PlantEffect;
+use crate::fault::plant::{ServoEffect, ThrusterEffect};
+use crate::propulsion::{Damage, PairLevels, Stores, Surge};
+use crate::vehicle::GasModel;
+
+/// Faults that act, and what they have left behind.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Broken {
+    pub(super) effect: PlantEffect,
+    /// The servos as they are now.
+    pub(super) valve_servo: Servo,
+    pub(super) gimbal_servo: [Servo; 2],
+    /// Outlet of the regulator below its set pressure (Pa).
+    pub(super) sag_pa: f64,
+    /// Gas above the liquid when that was last settled (kg).
+    shut_in_kg: f64,
+    /// Oxidiser that waits in the cold chamber for a flame (kg).
+    pool_kg: f64,
+    pub(super) surge: Surge,
+}
+
+impl Broken {
+    /// A sound vehicle.
+    pub(super) fn none(valve_servo: Servo, gimbal_servo: Servo) -> Self {
+        Self {
+            effect: PlantEffect::default(),
+            valve_servo,
+            gimbal_servo: [gimbal_servo; 2],
+            sag_pa: 0.0,
+            shut_in_kg: 0.0,
+            pool_kg: 0.0,
+            surge: Surge::NONE,
+        }
+    }
+
+    pub(super) fn damage(&self) -> Damage {
+        Damage {
+            injector_blocked_share: self.effect.injector_blocked_share,
+            efficiency_drop_share: self.effect.efficiency_drop_share,
+        }
+    }
+
+    /// Valve angle that its servo is told (rad).
+    pub(super) fn valve_told_rad(&self, command_rad: f64) -> f64 {
+        told_rad(&self.effect.valve, command_rad, self.valve_servo.upper_rad)
+    }
+
+    /// Gimbal angles that their servos are told (rad).
+    pub(super) fn gimbal_told_rad(&self, command_rad: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|axis| {
+            told_rad(&self.effect.gimbal[axis], command_rad[axis], self.gimbal_servo[axis].upper_rad)
+        })
+    }
+
+    /// Opening of the isolation valve a step (s) later.
+    pub(super) fn isolation_after(&self, sound: StrokeValve, opening: f64, open: bool, step_s: f64) -> f64 {
+        let isolation = &self.effect.isolation;
+        if isolation.stuck {
+            return opening;
+        }
+        let stroke = StrokeValve { stroke_time_s: sound.stroke_time_s * isolation.slowness };
+        stroke.opening_after(opening, if open { 1.0 } else { 0.0 }, step_s)
+    }
+
+    /// Shares of the step in which the thruster pairs pass gas, of those in which they are opened.
+    pub(super) fn pairs_open(&self, opened: PairLevels) -> PairLevels {
+        let [positive, negative] = &self.effect.rcs;
+        let passes = |opened: f64, thruster: &ThrusterEffect| {
+            let opened = if thruster.dead { 0.0 } else { opened };
+            opened.max(thruster.leak_share)
+        };
+        PairLevels { a: passes(opened.a, negative), b: passes(opened.b, positive) }
+    }
+}
+
+/// What a servo is told in place of its command (rad).
+fn told_rad(effect: &ServoEffect, command_rad: f64, limit_rad: f64) -> f64 {
+    match effect.held_at_share {
+        Some(share) => share * limit_rad,
+        None if effect.offset_rad == 0.0 => command_rad,
+        // The loop brings what it measures to the command, and the angle is off by as much as that.
+        None => command_rad + effect.offset_rad,
+    }
+}
+
+/// A servo with what has befallen it.
+fn afflicted(sound: &Servo, effect: &ServoEffect) -> Servo {
+    Servo {
+        drive_share: if effect.stuck { 0.0 } else { effect.rate_share },
+        backlash_rad: sound.backlash_rad + effect.slack_rad,
+        ..*sound
+    }
+}
+
+impl Plant {
+    /// What is broken from now on, in place of what was.
+    pub fn set_faults(&mut self, effect: &PlantEffect) {
+        if self.held.broken.effect == *effect {
+            return;
+        }
+        let before = self.gimbal(&self.state).0;
+        let broken = &mut self.held.broken;
+        broken.effect = *effect;
+        broken.valve_servo = afflicted(&self.vehicle.valve_servo, &effect.valve);
+        for (servo, effect) in broken.gimbal_servo.iter_mut().zip(&effect.gimbal) {
+            *servo = afflicted(&self.vehicle.gimbal_servo, effect);
+        }
+        // Play that comes or goes lets the engine loose or takes it along.
+        self.jolt_from(before);
+        self.settled = None;
+    }
+
+    /// Open area of the oxidiser valve, with what leaks past its ball (m²).
+    #[inline]
+    pub(super) fn valve_area_m2(&self, valve_rad: f64) -> f64 {
+        let valve = self.vehicle.engine.valve_area();
+        let area_m2 = valve.area_m2(valve_rad);
+        let leak_share = self.held.broken.effect.valve_leak_share;
+        if leak_share <= 0.0 {
+            return area_m2;
+        }
+        // A second way beside the ball, that is no more when the ball is out of the way.
+        let (_, open_m2) = valve.fully_open();
+        area_m2 + leak_share.min(1.0) * (open_m2 - area_m2).max(0.0)
+    }
+
+    /// Bottle, tank and regulator at a state.
+    #[inline]
+    pub(super) fn stores(&self, state: &State) -> Stores {
+        Stores {
+            nitrogen_kg: state.nitrogen_kg,
+            nitrous_kg: state.nitrous_kg,
+            gas: state.gas,
+            regulator_sag_pa: self.held.broken.sag_pa,
+        }
+    }
+
+    /// Whether oxidiser flows through a valve that should be shut.
+    pub(super) fn flows_unasked(&self, now: &Evaluation) -> bool {
+        self.held.broken.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
+    }
+
+    /// Regulator, pool and surge a step later.
+    pub(super) fn settle_faults(&mut self, now: &Evaluation) {
+        self.settle_regulator(now);
+        let step_s = self.step.s();
+        let broken = &mut self.held.broken;
+        broken.surge = broken.surge.after(step_s);
+        let pooling_kg_s = broken.effect.hard_start * now.engine.oxidizer_kg_s;
+        // Without flow the pool boils off, beside a flame there is none.
+        let pools = pooling_kg_s > 0.0 && !self.held.flame.lit;
+        broken.pool_kg = if pools { broken.pool_kg + pooling_kg_s * step_s } else { 0.0 };
+    }
+
+    fn settle_regulator(&mut self, now: &Evaluation) {
+        let Broken { effect, sag_pa, .. } = self.held.broken;
+        let droop_pa = effect.regulator_droop_pa;
+        // What a regulator that works has let in; one above its outlet lets nothing in.
+        if droop_pa <= sag_pa {
+            self.held.broken.shut_in_kg = now.pressurant.tank_kg;
+        }
+        if droop_pa == sag_pa {
+            return;
+        }
+        let regulator = &self.vehicle.pressurant.regulator;
+        self.held.broken.sag_pa = match self.vehicle.gas_model {
+            GasModel::Balanced(_) => droop_pa,
+            GasModel::Distributed if droop_pa > sag_pa => {
+                let room_m3 = self.vehicle.ullage_m3(self.state.nitrous_kg);
+                let shut_in_kg_m3 = self.held.broken.shut_in_kg / room_m3.max(f64::MIN_POSITIVE);
+                let shut_in_pa = self.vehicle.pressurant_gas.ullage.pressure_pa(shut_in_kg_m3);
+                (regulator.set_pressure_pa - shut_in_pa).clamp(sag_pa, droop_pa)
+            }
+            GasModel::Distributed => {
+                let left = libm::exp(-self.step.s() / regulator.response_time_s);
+                let sag_pa = droop_pa + left * (sag_pa - droop_pa);
+                if sag_pa - droop_pa < 1.0 { droop_pa } else { sag_pa }
+            }
+        };
+    }
+
+    /// The flame meets what has pooled.
+    pub(super) fn light_pool(&mut self, now: &Evaluation) {
+        let pool_kg = self.held.broken.pool_kg;
+        let condition = self.condition(&self.state);
+        let engine = &self.vehicle.engine;
+        self.held.broken.surge =
+            engine.hard_start(&condition, now.engine.oxidizer_kg_s, pool_kg, self.step.s());
+        self.held.broken.pool_kg = 0.0;
+    }
+}

@@ -1,0 +1,102 @@
+//! A hard start: oxidiser that has pooled in the cold chamber burns at once when the flame comes.
+//!
+//! A pool of mass m becomes gas at the steady engine's mixture within less than the chamber takes to empty, so the
+//! pressure rises by `P = m R T/V` and falls through the choked throat with `τ = V η c*/(R T C_d A_t)`: the balance of
+//! mass of the filling chamber ([`super::Chamber`]) linearised about its steady state, exact in its impulse,
+//! `∫ P C_d A_t/(η c*) dt = m`. Thrust follows the pressure as that of a nozzle flowing full.
+//!
+//! Valid above the pressure at which the nozzle flows full. An upper bound of the peak: a pool that takes longer than
+//! τ, some milliseconds, to burn gives less. The pool was booked as expelled when it passed the injector; the fuel that
+//! burns with it is booked nowhere and gives no gas. Neither does the feed feel the pressure nor the casing burst.
+//!
+//! Source: balance of mass of a chamber with a choked throat, `chamber.rs`.
+
+use super::chamber::UNIVERSAL_GAS;
+use super::engine::{Engine, EngineCondition, Near};
+use super::nozzle::STANDARD_GRAVITY_M_S2;
+
+/// Below this it is over (Pa).
+const OVER_PA: f64 = 1.0;
+
+/// Pressure above that of the flow, on its way out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surge {
+    /// Mean over the present step (Pa).
+    pub chamber_pa: f64,
+    /// Thrust for it (N/Pa).
+    thrust_n_pa: f64,
+    /// Time in which it falls by e (s).
+    time_constant_s: f64,
+}
+
+impl Surge {
+    /// None.
+    pub const NONE: Self = Self { chamber_pa: 0.0, thrust_n_pa: 0.0, time_constant_s: 1.0 };
+
+    /// Thrust (N).
+    pub fn thrust_n(&self) -> f64 {
+        self.thrust_n_pa * self.chamber_pa
+    }
+
+    /// What is left of it a step later.
+    pub fn after(&self, step_s: f64) -> Self {
+        if self.chamber_pa < OVER_PA {
+            return Self::NONE;
+        }
+        Self { chamber_pa: self.chamber_pa * libm::exp(-step_s / self.time_constant_s), ..*self }
+    }
+}
+
+impl Engine {
+    /// What a pool (kg) does that burns now, with so much oxidiser flowing (kg/s), during a first step (s).
+    pub fn hard_start(
+        &self,
+        condition: &EngineCondition,
+        oxidizer_kg_s: f64,
+        pool_kg: f64,
+        step_s: f64,
+    ) -> Surge {
+        if !(pool_kg > 0.0 && oxidizer_kg_s > 0.0) {
+            return Surge::NONE;
+        }
+        let steady = EngineCondition { burning_fraction: 1.0, fuel_flow_kg_s: None, ..*condition };
+        let hot = self.setting(&steady).burning(oxidizer_kg_s, &mut Near::default());
+        let (mixture, log) = (&hot.mixture, hot.pressure.log);
+        let efficiency = self.c_star_efficiency(condition);
+        let rt_j_kg = efficiency * efficiency * UNIVERSAL_GAS / mixture.molar_mass_kg_mol(log)
+            * mixture.temperature_k(log);
+        let volume_m3 = self.chamber.dead_volume_m3 + self.grain.port_volume_m3(condition.port_radius_m);
+        let throat_m2 = self.open_throat_m2(condition);
+        let time_constant_s = volume_m3 * efficiency * mixture.c_star_m_s(log) / (rt_j_kg * throat_m2);
+        // The mean over the first step keeps the impulse.
+        let share = time_constant_s / step_s * -libm::expm1(-step_s / time_constant_s);
+        Surge {
+            chamber_pa: share * pool_kg * rt_j_kg / volume_m3,
+            thrust_n_pa: self.nozzle().thrust_efficiency
+                * throat_m2
+                * STANDARD_GRAVITY_M_S2
+                * mixture.vacuum_isp_s(log)
+                / mixture.c_star_m_s(log),
+            time_constant_s,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_surge_dies_and_is_over() {
+        let mut surge = Surge { chamber_pa: 1e6, thrust_n_pa: 5e-4, time_constant_s: 4e-3 };
+        assert_eq!(surge.thrust_n(), 500.0);
+        let mut impulse_pa_s = 0.0;
+        for _ in 0..100 {
+            impulse_pa_s += surge.chamber_pa * 1e-3;
+            surge = surge.after(1e-3);
+        }
+        // A geometric series, short of what 1 Pa still holds: 4e-3 Pa s.
+        assert!((impulse_pa_s - 1e3 / (1.0 - libm::exp(-0.25))).abs() < 5e-3, "{impulse_pa_s}");
+        assert_eq!(surge, Surge::NONE);
+    }
+}
