@@ -82,7 +82,7 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
     page.entry("pacing", t.pacing.as_deref().unwrap_or("none"));
     let sensor = t.sensor_hz.map_or(String::new(), |hz| format!(", sensors {hz:.0} Hz"));
     page.entry("plant", &format!("{}, {:.0} Hz{sensor}", name(&t.plant_mode), t.plant_hz));
-    for (i, change) in report.overrides.iter().enumerate() {
+    for (i, change) in report.overrides.iter().chain(&report.modified).enumerate() {
         page.entry(if i == 0 { "modified" } else { "" }, change);
     }
     scheduler(&mut page, t.scheduler.as_ref());
@@ -141,8 +141,8 @@ fn scheduler(page: &mut Page, granted: Option<&Scheduler>) {
     };
     let class = granted.priority.map_or("ordinary".to_owned(), |priority| format!("SCHED_FIFO {priority}"));
     let memory = if granted.locked { "memory locked" } else { "memory not locked" };
-    let cpu = granted.pinned_cpu.map_or("not pinned".to_owned(), |cpu| format!("pinned to CPU {cpu}"));
-    page.entry("scheduling", &format!("{class}, {memory}, {cpu}"));
+    let cpu = granted.pinned_cpu.map_or(String::new(), |cpu| format!(", pinned to CPU {cpu}"));
+    page.entry("scheduling", &format!("{class}, {memory}{cpu}"));
     granted.notes.iter().for_each(|note| page.entry("", note));
 }
 
@@ -199,7 +199,7 @@ fn overruns(page: &mut Page, t: &Timing, bench: &Bench<'_>) {
     for worst in &t.worst_overruns {
         let end = match worst.slipped_ms {
             Some(ms) => format!("time slipped by {ms:.3} ms"),
-            None => format!("caught up in {} steps", worst.steps),
+            None => format!("caught up, steps begun late: {}", worst.steps),
         };
         page.entry(&format!("  at {:.3} s", worst.time_s), &format!("{:.3} ms late, {end}", worst.late_ms));
     }
