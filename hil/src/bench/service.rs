@@ -466,10 +466,11 @@ impl Bench<'_> {
             }
             FromFc::ParameterSet(_, name, value) => {
                 let Some(index) = self.place(name, port) else { return };
-                if let Err((_, why)) = self.set_parameter(usize::from(index), as_typed(*value)) {
+                let answer = self.set_parameter(usize::from(index), as_typed(*value));
+                self.say_parameter(port, index);
+                if let Err((_, why)) = answer {
                     self.tell(port, Severity::MAV_SEVERITY_WARNING, &why);
                 }
-                self.say_parameter(port, index);
             }
             _ => {}
         }
