@@ -148,11 +148,9 @@ impl Pilot {
             self.encoder.encode_ack(&command, RESULT_ACCEPTED, &mut self.out);
             self.sent += u64::from(link.send(&self.out));
         }
-        self.autopilot = self.fresh.clone();
-        self.planner.forget();
+        self.forget();
         self.gatherer = Gatherer::default();
         self.encoder = Encoder::new(ADDRESS.0, ADDRESS.1);
-        self.armed = false;
         self.boot = Boot::Begun;
     }
 
