@@ -149,13 +149,15 @@ fn scheduler(page: &mut Page, granted: Option<&Scheduler>) {
 fn times(page: &mut Page, t: &Timing) {
     /// What of a distribution is held against its budget.
     type Judged = fn(&Percentiles) -> f64;
+    /// What is measured, and its budget: as words, what of it counts, and the most that it may be.
+    type Row<'a> = (&'a str, &'a Option<Percentiles>, Option<(&'a str, Judged, f64)>);
     let p99: Judged = |p| p.p99;
     let p999: Judged = |p| p.p999;
     page.head("us                         p50       p99     p99.9       max      budget            within");
     let step = format!("p99.9 {:.0}", t.step_budget_us);
     let late = format!("p99 {LATENESS_BUDGET_US:.0}");
     let trip = format!("p99 {ROUND_TRIP_BUDGET_US:.0}");
-    let rows: [(&str, &Option<Percentiles>, Option<(&str, Judged, f64)>); 7] = [
+    let rows: [Row<'_>; 7] = [
         ("step of the plant", &t.step_us, Some((step.as_str(), p999, t.step_budget_us))),
         ("whole cycle", &t.cycle_us, Some((step.as_str(), p999, t.step_budget_us))),
         ("lateness", &t.lateness_us, Some((late.as_str(), p99, LATENESS_BUDGET_US))),

@@ -32,7 +32,7 @@ pub fn listen(
     stop: &AtomicBool,
 ) -> Heard {
     let start = Instant::now();
-    let mut ear = Ear { start, heard: Heard::default(), decoder: Decoder::default(), clocks: Vec::new() };
+    let mut ear = Ear { start, heard: Heard::default(), decoder: Decoder::default(), last: Vec::new() };
     let mut mouth = Mouth::new(profile, rates, start);
     let mut bytes = Vec::new();
     while start.elapsed() < time && !stop.load(Ordering::Relaxed) {
@@ -59,8 +59,15 @@ struct Ear {
     start: Instant,
     heard: Heard,
     decoder: Decoder,
-    /// Of each sender: its last counter, and its clock beside this machine's (s).
-    clocks: Vec<((u8, u8), u8, Option<(f64, f64)>)>,
+    /// What the last frame of each sender said, in the order of `heard.senders`.
+    last: Vec<Last>,
+}
+
+/// The last frame of a sender.
+struct Last {
+    sequence: u8,
+    /// The sender's time and this machine's at its last controls (s).
+    clock: Option<(f64, f64)>,
 }
 
 impl Ear {
@@ -83,16 +90,16 @@ impl Ear {
             Some(place) => place,
             None if senders.len() < SENDERS => {
                 senders.push(Sender { id, ..Default::default() });
-                self.clocks.push((id, frame.sequence.wrapping_sub(1), None));
+                self.last.push(Last { sequence: frame.sequence.wrapping_sub(1), clock: None });
                 senders.len() - 1
             }
             None => return,
         };
-        let (sender, (_, sequence, clock)) = (&mut senders[place], &mut self.clocks[place]);
+        let (sender, last) = (&mut senders[place], &mut self.last[place]);
         sender.frames += 1;
         // Half the circle or more is a step back.
-        sender.backward += u64::from(frame.sequence.wrapping_sub(*sequence).wrapping_sub(1) >= 128);
-        *sequence = frame.sequence;
+        sender.backward += u64::from(frame.sequence.wrapping_sub(last.sequence).wrapping_sub(1) >= 128);
+        last.sequence = frame.sequence;
         match frame.from_fc() {
             FromFc::Heartbeat(beat) => {
                 sender.heartbeats += 1;
@@ -102,7 +109,7 @@ impl Ear {
             }
             FromFc::Controls(controls) => {
                 sender.armed |= controls.armed();
-                sender.controls.take(&controls, self.start.elapsed().as_secs_f64(), clock);
+                sender.controls.take(&controls, self.start.elapsed().as_secs_f64(), &mut last.clock);
             }
             _ => {}
         }
