@@ -45,8 +45,9 @@ class Fuzz:
         return self.chance.choice(self.kinds)()
 
     def controls(self, value=0.0, mav=None, time_usec=1):
-        """HIL_ACTUATOR_CONTROLS in which every channel has this value."""
+        """HIL_ACTUATOR_CONTROLS in which every channel has this value; each frame has a number of its own."""
         mav = mav or self.mav
+        mav.seq = (mav.seq + 1) % 256
         mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         return bytes(mav.hil_actuator_controls_encode(time_usec, [value] * 16, 1 | mode, 1).pack(mav))
 
@@ -119,9 +120,9 @@ def vanish(client):
 
 
 def high_water_kb(bench):
-    """The most memory that the bench's process has had so far (kB), as the kernel counts it; it must still run."""
+    """The most memory that the bench's process has had so far (kB), as the kernel counts it; 0 when it has just ended."""
     with open(f"/proc/{bench.process.pid}/status") as status:
-        return int(next(line.split()[1] for line in status if line.startswith("VmHWM:")))
+        return int(next((line.split()[1] for line in status if line.startswith("VmHWM:")), 0))
 
 
 def says(bench, text, within_s=5.0):

@@ -103,7 +103,7 @@ def test_a_flood_in_real_time_does_not_stop_the_clock(bench):
         last_us = message.time_usec if message.get_type() == "HIL_SENSOR" else last_us
     # Two seconds of flood; a busy machine may slow the pace, a flooded bench would stand still.
     assert last_us - first_us > 500_000
-    assert high_water_kb(run) < MEMORY_KB and run.process.poll() is None
+    assert 0 < high_water_kb(run) < MEMORY_KB and run.process.poll() is None
 
 
 def test_a_client_that_connects_and_says_nothing_is_named_and_holds_up_nobody_for_ever(bench):
@@ -147,23 +147,22 @@ def test_a_controller_that_vanishes_in_flight_is_handed_over(bench):
 
 
 def test_a_slow_reader_costs_frames_and_not_memory(bench):
-    # 150 s on the pad as fast as answers come: it answers without reading, 10 bytes a second are all it takes.
-    run = bench("hover_5m", fc="tcp-listen", profile="generic", connect=False, sets={"arm_wait_s": 150}, **LOCKSTEP_FAST)
+    # 100 s on the pad as fast as answers come: it answers without reading, 10 bytes a second are all it takes.
+    run = bench("hover_5m", fc="tcp-listen", profile="generic", connect=False, sets={"arm_wait_s": 100}, **LOCKSTEP_FAST)
     client, nasty, highest_kb, read_s = tcp_client(run.ready["fc"], receive_buffer=4096), Fuzz(5), 0, 0.0
-    frame = nasty.controls(0.0, time_usec=0)  # 0 answers any sample
     deadline_s = time.monotonic() + 60.0
     while run.process.poll() is None and time.monotonic() < deadline_s:
         try:
-            client.sendall(frame)
+            client.sendall(nasty.controls(0.0, time_usec=0))  # 0 answers any sample
             if time.monotonic() > read_s:
                 client.recv(1)
                 highest_kb, read_s = max(highest_kb, high_water_kb(run)), time.monotonic() + 0.1
-        except (OSError, StopIteration):  # the run has ended
+        except OSError:  # the run has ended
             break
         time.sleep(0.0002)
     result = run.result(timeout_s=30.0)
     assert result.json["outcome"] == "timeout" and result.code == 1
-    assert result.json["link"]["dropped"] > 1000  # 6 MB of the generic profile, 2 to 4 MB of room in the system
+    assert result.json["link"]["dropped"] > 1000  # 4 MB of the generic profile, and less room than that in the system
     assert 0 < highest_kb < MEMORY_KB
     client.close()
 
@@ -184,10 +183,10 @@ def test_a_storm_of_connections_leaves_the_bench_to_the_one_that_stays(bench):
             data = client.recv(4096)
         except OSError:
             data = b""
-    frame = Fuzz(6).controls(0.0, time_usec=0)
+    nasty = Fuzz(6)
     while run.process.poll() is None and time.monotonic() < deadline_s:
         try:
-            client.sendall(frame)
+            client.sendall(nasty.controls(0.0, time_usec=0))
             client.recv(65536)
         except OSError:
             break

@@ -121,10 +121,10 @@ def test_a_hop_over_the_network(hosts, tmp_path, link):
     assert f"{FC_IP}:" in result.stderr  # the other host, not this one
 
 
-@pytest.mark.parametrize("link", ["udp", "tcp"])
+@pytest.mark.parametrize("link", ["udp", pytest.param("tcp", marks=pytest.mark.long)])
 def test_a_cable_pulled_in_flight_is_handed_over(hosts, tmp_path, link):
     with Flight(hosts, tmp_path, link, "--realtime") as flight:
-        flight.until("climb")
+        flight.until("hover")
         hosts.pull()
         result = flight.result()
     lost = result.event("fc_lost")
