@@ -12,7 +12,7 @@ use hopbench::simulation::{Flight, Instrumentation, Report};
 use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::link::{Link, LinkSpec};
 use hopbench_hil::live::Live;
-use hopbench_hil::mavlink::{Encoder, MavMessage, heartbeat};
+use hopbench_hil::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
 use hopbench_hil::profile::{GENERIC, PX4_HITL, Pacing, Profile};
 
 use peer::{lockstep, scenario};
@@ -156,7 +156,7 @@ fn a_board_that_reboots_on_the_pad_goes_on_where_it_was() {
             board.port.read(&mut Vec::new());
             std::thread::sleep(Duration::from_millis(10));
         }
-        board.encoder = Encoder::new(1, 1);
+        (board.encoder, board.decoder) = (Encoder::new(1, 1), Decoder::default());
         board.say(&heartbeat(0x21));
         let before_us = board.sensor_us();
         for _ in 0..50 {
