@@ -24,10 +24,10 @@ impl Plant {
         let positions = self.sequence.obey(now, command, throttle_on);
         let held = &mut self.held;
         let step_s = self.step.s();
-        let [opened, vented] =
-            [positions.isolation_open, positions.vent_open].map(|open| if open { 1.0 } else { 0.0 });
-        let stroke = self.vehicle.isolation_stroke();
-        held.isolation = held.broken.isolation_after(stroke, held.isolation, opened, step_s);
+        let isolation = self.vehicle.isolation_stroke();
+        held.isolation =
+            held.broken.isolation_after(isolation, held.isolation, positions.isolation_open, step_s);
+        let vented = if positions.vent_open { 1.0 } else { 0.0 };
         held.vent = self.vehicle.vent_stroke().opening_after(held.vent, vented, step_s);
         held.igniter = positions.igniter;
         held.grip = if held.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };

@@ -65,14 +65,14 @@ impl Broken {
         })
     }
 
-    /// Opening of the isolation valve a step (s) later, on its way to a target.
-    pub(super) fn isolation_after(&self, sound: StrokeValve, opening: f64, target: f64, step_s: f64) -> f64 {
+    /// Opening of the isolation valve a step (s) later.
+    pub(super) fn isolation_after(&self, sound: StrokeValve, opening: f64, open: bool, step_s: f64) -> f64 {
         let isolation = &self.effect.isolation;
         if isolation.stuck {
             return opening;
         }
         let stroke = StrokeValve { stroke_time_s: sound.stroke_time_s * isolation.slowness };
-        stroke.opening_after(opening, target, step_s)
+        stroke.opening_after(opening, if open { 1.0 } else { 0.0 }, step_s)
     }
 
     /// Shares of the step in which the thruster pairs pass gas, of those in which they are opened.

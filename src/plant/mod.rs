@@ -94,9 +94,8 @@ struct Settled {
 }
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. Play and
-/// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are
-/// the anchors, whose change makes [`Plant::settle`] forget; nor are faults, whose change makes [`Plant::set_faults`]
-/// forget, but for what they let move on. Whoever lets [`Plant::evaluate`] read something else that
+/// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
+/// whose change makes [`Plant::settle`] forget, nor are faults, whose change makes [`Plant::set_faults`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
