@@ -217,6 +217,8 @@ fn wire(page: &mut Page, link: &LinkReport, report: &Report) {
     let counts = [
         ("dropped", link.dropped),
         ("lost", link.lost),
+        ("controls refused", link.controls_refused),
+        ("controls old or repeated", link.controls_old),
         ("duplicates", link.duplicates),
         ("out of order", link.out_of_order),
         ("CRC errors", link.crc_errors),

@@ -365,6 +365,12 @@ pub struct LinkReport {
     pub skipped_bytes: u64,
     /// Datagrams or connections of somebody else, turned away.
     pub refused: u64,
+    /// HIL_ACTUATOR_CONTROLS that held no number where a channel is read.
+    #[serde(default)]
+    pub controls_refused: u64,
+    /// HIL_ACTUATOR_CONTROLS that came again, too late or out of the flight before.
+    #[serde(default)]
+    pub controls_old: u64,
     /// Waits for a reply that ran into their limit.
     pub stalls: u64,
     /// More about them; absent when there were none.

@@ -13,6 +13,8 @@ use crate::pace::now_ns;
 
 /// MAV_COMP_ID_AUTOPILOT1
 const AUTOPILOT_COMPONENT: u8 = 1;
+/// MAV_AUTOPILOT_PX4
+const AUTOPILOT_PX4: u8 = 12;
 /// MAV_AUTOPILOT_INVALID: a component that is no flight controller.
 const AUTOPILOT_INVALID: u8 = 8;
 
@@ -53,6 +55,12 @@ pub(super) struct FlightController {
     pub(super) waited: Duration,
     /// Frames whose controls held no number.
     pub(super) rejected: u64,
+    /// Frames that came again or too late, or belong to the flight before.
+    pub(super) old: u64,
+    /// Its profile, or what it says of itself, makes it a board whose outputs may be live: it must be in the loop.
+    pub(super) may_be_live: bool,
+    /// When its silence is named next, while it lasts (ns).
+    pub(super) next_silence_ns: Option<u64>,
 }
 
 impl FlightController {
@@ -89,6 +97,7 @@ impl FlightController {
     fn is_old(&self, time_us: u64, sequence: u8) -> bool {
         match self.last {
             Some((_, last)) if time_us == 0 => sequence == last,
+            Some(last) if last == (time_us, sequence) => true,
             Some((last_us, _)) => time_us < last_us && last_us - time_us <= REORDERED_US,
             None => false,
         }
@@ -127,7 +136,9 @@ impl Bench<'_> {
         };
         if ours && beat.autopilot != AUTOPILOT_INVALID {
             let in_the_loop = beat.base_mode & MODE_HIL != 0;
-            self.fc.left_the_loop = self.options.profile.needs_hil_flag && !in_the_loop;
+            // A PX4 on a board keeps its outputs live until it is told otherwise, whatever the link; in software it has none.
+            self.fc.may_be_live |= self.options.profile.answers && beat.autopilot == AUTOPILOT_PX4;
+            self.fc.left_the_loop = self.fc.may_be_live && !in_the_loop;
             self.fc.heartbeat = Some(in_the_loop);
         }
     }
@@ -136,11 +147,12 @@ impl Bench<'_> {
         self.fc.sender = Some(sender);
         self.stalls.answered(frame.time_us);
         if self.fc.is_old(frame.time_us, sequence) {
+            self.fc.old += 1;
             return;
         }
-        if self.stage == Stage::Waiting && !self.may_stream() {
+        if (self.stage == Stage::Waiting || self.fc.may_be_live) && !self.may_stream() {
             // Its outputs may be live: nothing flies on them before it says that it is in the loop.
-            if self.options.profile.needs_hil_flag && !self.fc.flag_missed {
+            if self.fc.may_be_live && !self.fc.flag_missed {
                 self.fc.flag_missed = true;
                 self.live.notice(format!(
                     "{}: controls but no HEARTBEAT with the HIL flag: is SYS_HITL 1?",
@@ -150,6 +162,7 @@ impl Bench<'_> {
             return;
         }
         if self.is_stale(frame.time_us) {
+            self.fc.old += 1;
             return;
         }
         let controls = &self.scenario.vehicle.controls;
@@ -185,6 +198,7 @@ impl Bench<'_> {
         self.fc.last = Some((frame.time_us, sequence));
         self.fc.heard = now;
         self.fc.heard_ns = now_ns;
+        self.fc.next_silence_ns = None;
         self.fc.armed = armed;
         self.fc.ever_armed |= armed;
         self.fc.command = Some(command);
@@ -216,8 +230,10 @@ impl Bench<'_> {
             let silent = self.sampled.since(self.fc.heard);
             return self.fc.waited >= timeout || Duration::from_micros(silent.us()) >= timeout;
         }
-        // A bench that catches up runs faster than the controller can: both clocks must agree.
+        // A bench that catches up runs faster than the controller can: both clocks must agree, the wall clock at the
+        // speed that was asked for.
         let silent = Duration::from_micros(self.flight.time().since(self.fc.heard).us());
-        silent >= timeout && Duration::from_nanos(now_ns().saturating_sub(self.fc.heard_ns)) >= timeout
+        let by_the_wall = Duration::from_nanos(now_ns().saturating_sub(self.fc.heard_ns));
+        silent >= timeout && by_the_wall >= timeout.div_f64(self.clock.speed().max(1.0))
     }
 }

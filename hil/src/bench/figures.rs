@@ -189,6 +189,8 @@ impl Bench<'_> {
             out_of_order: heard.out_of_order,
             skipped_bytes: heard.skipped_bytes,
             refused: moved.refused,
+            controls_refused: self.fc.rejected,
+            controls_old: self.fc.old,
             stalls,
             stalled,
             disrupted: self.disruption.report(),
@@ -205,7 +207,8 @@ impl Bench<'_> {
     }
 
     fn timing(&self, wall_s: f64) -> Timing {
-        let simulated_s = self.flight.time().s();
+        // Of all flights of the process, as are the steps.
+        let simulated_s = self.figures.steps as f64 * self.flight.step_s();
         let (figures, overruns) = (&self.figures, self.clock.overruns());
         let fast = self.options.fast && self.options.pacing == Pacing::Lockstep;
         let paced = |distribution: &Distribution| if fast { None } else { distribution.percentiles() };

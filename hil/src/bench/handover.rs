@@ -119,11 +119,30 @@ impl Bench<'_> {
                 self.fc.answers = false;
                 self.clock.rebase(self.flight.time().us());
                 self.live.notice(format!("{}: silent, going on in real time", self.link.address()));
+            } else if self.fc.first.is_some() {
+                self.name_silence();
             }
         } else if self.fc.left_the_loop && self.stage == Stage::Flying && self.fc.armed {
             self.hand_over("HEARTBEAT without the HIL flag: its outputs may be live".to_owned());
         }
         self.inform();
+    }
+
+    /// On the pad or after the flight nobody is replaced, but silence is named at once and every second.
+    fn name_silence(&mut self) {
+        let now_ns = now_ns();
+        let begins = self.fc.next_silence_ns.is_none();
+        if self.fc.next_silence_ns.is_some_and(|next_ns| now_ns < next_ns) {
+            return;
+        }
+        self.fc.next_silence_ns = Some(now_ns + 1_000_000_000);
+        let silent_s = now_ns.saturating_sub(self.fc.heard_ns) as f64 * 1e-9;
+        let why = if self.fc.left_the_loop { ", its HEARTBEAT lacks the HIL flag" } else { "" };
+        let text = format!("{silent_s:.1} s without HIL_ACTUATOR_CONTROLS that count{why}");
+        self.live.notice(format!("FC silent on {}: {text}", self.link.address()));
+        if begins {
+            self.flight.event("fc_silent", text);
+        }
     }
 
     /// How long nothing that could be obeyed has come.
@@ -136,9 +155,9 @@ impl Bench<'_> {
                 self.flight.time().since(self.fc.heard).s() * 1e3
             )
         };
-        match self.fc.rejected {
-            0 => silent,
-            rejected => format!("{silent}, {rejected} frames refused"),
+        match (self.fc.rejected, self.fc.old) {
+            (0, 0) => silent,
+            (rejected, old) => format!("{silent}, {rejected} frames refused, {old} old or repeated"),
         }
     }
 

@@ -143,7 +143,10 @@ impl<'a> Bench<'a> {
             decoder: Decoder::default(),
             streams: Streams::new(options.profile),
             disruption: Disruption::new(u64::from(flight.seed())),
-            fc: FlightController::default(),
+            fc: FlightController {
+                may_be_live: options.profile.needs_hil_flag,
+                ..FlightController::default()
+            },
             stage: Stage::Waiting,
             command: ActuatorCommand::SAFE,
             // Threads begin before the flight does.
@@ -245,7 +248,7 @@ impl<'a> Bench<'a> {
 
     /// Whether anything but heartbeats may be sent.
     fn may_stream(&self) -> bool {
-        self.link.has_peer() && (!self.options.profile.needs_hil_flag || self.fc.heartbeat == Some(true))
+        self.link.has_peer() && (!self.fc.may_be_live || self.fc.heartbeat == Some(true))
     }
 
     /// Until the next step is due. While an answer may come the wait is on the link: its arrival is timed, not the step
@@ -391,7 +394,7 @@ impl<'a> Bench<'a> {
         if let Some(handover) = self.hands.watch(self.flight.snapshot()) {
             self.flight.note_handover(handover);
         }
-        if self.disruption.set(self.flight.wire_effect()) {
+        if self.disruption.set(self.flight.wire_effect()) && self.may_stream() {
             // Straight to it: a bad wire is another matter.
             self.streams.put_reboot(self.fc.address());
             self.send_straight();

@@ -179,7 +179,8 @@ impl Bench<'_> {
         self.hear_ground();
         self.tell_events();
         let now_ns = now_ns();
-        if self.link.has_peer() {
+        // A board that is not in the loop gets nothing but heartbeats, from a ground station neither.
+        if self.may_stream() {
             let mut desk = std::mem::take(&mut self.services.desk);
             while self.services.allowance.is_open(now_ns)
                 && let Some(message) = desk.next(|i| self.parameter_message(i))
@@ -241,6 +242,7 @@ impl Bench<'_> {
             self.flight.note_handover(handover);
         }
         self.flight.event("reset", "a new flight begins".to_owned());
+        self.tell_events();
         if self.flight.outcome().is_none() {
             self.flight.end(Outcome::Aborted);
         }
@@ -261,6 +263,9 @@ impl Bench<'_> {
             sender: self.fc.sender,
             flag_missed: self.fc.flag_missed,
             left_the_loop: self.fc.left_the_loop,
+            may_be_live: self.fc.may_be_live,
+            rejected: self.fc.rejected,
+            old: self.fc.old,
             answers: self.fc.answers,
             heard_ns: now_ns(),
             ..FlightController::default()
@@ -300,7 +305,7 @@ impl Bench<'_> {
         for said in heard {
             match said {
                 FromGround::Forward(raw) => {
-                    if self.link.has_peer() && self.services.to_fc.len() < QUEUE {
+                    if self.may_stream() && self.services.to_fc.len() < QUEUE {
                         self.services.to_fc.push_back(raw);
                     } else if let Some(ground) = &mut self.ground {
                         ground.note_dropped();

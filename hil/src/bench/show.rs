@@ -17,7 +17,7 @@ impl Bench<'_> {
                 self.figures.next_message_ns = now + 1_000_000_000;
                 let bytes = self.link.counters().received_bytes;
                 let nonsense = bytes > 0 && self.decoder.counters().frames == 0;
-                let live_board = self.options.profile.needs_hil_flag && self.fc.heartbeat == Some(false);
+                let live_board = self.fc.may_be_live && self.fc.heartbeat == Some(false);
                 let hint = match (nonsense, self.options.baud) {
                     _ if live_board => {
                         ", its HEARTBEAT lacks the HIL flag, so nothing but heartbeats is sent: SYS_HITL 1, then reboot"
