@@ -358,7 +358,9 @@ mod tests {
                 controls[15] = f64::from(controls[15] as f32);
                 assert_eq!(map.echo_ms(&controls), Some(ms % 1000), "{range:?}");
             }
-            for other in [range[0] - 0.5, range[1] + 0.5, f64::NAN, range[0] + 0.000_25 * (range[1] - range[0])] {
+            for other in
+                [range[0] - 0.5, range[1] + 0.5, f64::NAN, range[0] + 0.000_25 * (range[1] - range[0])]
+            {
                 let mut controls = [0.0; 16];
                 controls[15] = other;
                 assert_eq!(map.echo_ms(&controls), None, "{other}");

@@ -53,7 +53,12 @@ impl Machine {
         let clock = file("/sys/devices/system/clocksource/clocksource0/current_clocksource");
         Self {
             host: text(system.nodename()),
-            kernel: format!("{} {} {}", text(system.sysname()), text(system.release()), text(system.version())),
+            kernel: format!(
+                "{} {} {}",
+                text(system.sysname()),
+                text(system.release()),
+                text(system.version())
+            ),
             cpu: format!("{count} x {model}"),
             clock: if clock.trim().is_empty() { "unknown".to_owned() } else { clock.trim().to_owned() },
         }
@@ -148,9 +153,7 @@ fn times(page: &mut Page, t: &Timing) {
     type Row<'a> = (&'a str, &'a Option<Percentiles>, Option<(&'a str, Judged, f64)>);
     let p99: Judged = |p| p.p99;
     let p999: Judged = |p| p.p999;
-    page.head(
-        "us                         p50       p99     p99.9       max      budget            within",
-    );
+    page.head("us                         p50       p99     p99.9       max      budget            within");
     let step = format!("p99.9 {:.0}", t.step_budget_us);
     let late = format!("p99 {LATENESS_BUDGET_US:.0}");
     let trip = format!("p99 {ROUND_TRIP_BUDGET_US:.0}");
@@ -188,7 +191,12 @@ fn overruns(page: &mut Page, t: &Timing, bench: &Bench<'_>) {
     if let Some(unaccounted_us) = t.unaccounted_us {
         let limit_us = bench.step_s * 1e6;
         let value = format!("{unaccounted_us:.1} us of wall time");
-        page.judged("unaccounted for", &value, &format!("{limit_us:.0} us"), unaccounted_us.abs() <= limit_us);
+        page.judged(
+            "unaccounted for",
+            &value,
+            &format!("{limit_us:.0} us"),
+            unaccounted_us.abs() <= limit_us,
+        );
     }
     for worst in &t.worst_overruns {
         let end = match worst.slipped_ms {

@@ -111,8 +111,26 @@ mod tests {
     #[test]
     fn every_word_of_the_standard_means_what_the_table_says() {
         use Mode::*;
-        let gauge = [Some(Off), Some(Stuck), Some(Garbage), Some(Bias), None, Some(Delay), Some(Intermittent), Some(Drift)];
-        let locator = [Some(Off), Some(Stuck), Some(Garbage), Some(Jump), None, Some(Delay), Some(Intermittent), Some(Drift)];
+        let gauge = [
+            Some(Off),
+            Some(Stuck),
+            Some(Garbage),
+            Some(Bias),
+            None,
+            Some(Delay),
+            Some(Intermittent),
+            Some(Drift),
+        ];
+        let locator = [
+            Some(Off),
+            Some(Stuck),
+            Some(Garbage),
+            Some(Jump),
+            None,
+            Some(Delay),
+            Some(Intermittent),
+            Some(Drift),
+        ];
         let servo = [None, Some(Stuck), None, Some(Offset), Some(Slow), None, None, None];
         let thruster = [Some(Off), None, None, None, None, None, None, None];
         let wire = [Some(Disconnect), None, Some(Corrupt), None, None, Some(Delay), Some(Drop), None];
@@ -135,8 +153,13 @@ mod tests {
         for (unit, instance, component, modes) in table {
             assert_eq!(meaning(unit, 0, instance), Failure::Mend(vec![component]));
             for (kind, mode) in (1..=8).zip(modes) {
-                let expected = mode.map_or(Failure::Unsupported, |mode| Failure::Break(vec![(component, mode)]));
-                assert_eq!(meaning(unit, kind, instance), expected, "unit {unit} type {kind} instance {instance}");
+                let expected =
+                    mode.map_or(Failure::Unsupported, |mode| Failure::Break(vec![(component, mode)]));
+                assert_eq!(
+                    meaning(unit, kind, instance),
+                    expected,
+                    "unit {unit} type {kind} instance {instance}"
+                );
             }
         }
         for unit in UNITS.into_iter().filter(|unit| !table.iter().any(|row| row.0 == *unit)) {
@@ -148,10 +171,7 @@ mod tests {
 
     #[test]
     fn instance_0_is_all_or_nothing_and_there_are_no_more_than_there_are() {
-        assert_eq!(
-            meaning(102, 2, 0),
-            Failure::Break(vec![(GimbalX, Mode::Stuck), (GimbalY, Mode::Stuck)])
-        );
+        assert_eq!(meaning(102, 2, 0), Failure::Break(vec![(GimbalX, Mode::Stuck), (GimbalY, Mode::Stuck)]));
         // The valve cannot be off.
         assert_eq!(meaning(101, 1, 0), Failure::Unsupported);
         assert_eq!(meaning(105, 0, 0), Failure::Mend(vec![WireToFc, WireFromFc]));
@@ -161,7 +181,9 @@ mod tests {
 
     #[test]
     fn what_is_no_number_of_the_standard_is_not_supported() {
-        for (unit, kind, instance) in [(f32::NAN, 1.0, 0.0), (0.5, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 9.0, 0.0)] {
+        for (unit, kind, instance) in
+            [(f32::NAN, 1.0, 0.0), (0.5, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 9.0, 0.0)]
+        {
             assert_eq!(failure(unit, kind, instance), Failure::Unsupported);
         }
         assert_eq!(failure(0.0, 1.0, f32::NAN), Failure::Break(vec![(Gyroscope, Mode::Off)]));

@@ -173,7 +173,8 @@ impl Ground {
             self.put(&vehicle_heartbeat(view.is_armed));
         }
         if self.banner.fires(now) {
-            let text = format!("SIMULATED: {} on a test bench, no vehicle flies", view.flight.scenario().name);
+            let text =
+                format!("SIMULATED: {} on a test bench, no vehicle flies", view.flight.scenario().name);
             self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &text);
         }
         while self.allowance.is_open(now_ns)

@@ -39,10 +39,10 @@ pub mod doctor;
 
 // The run.
 pub mod bench;
+pub mod certificate;
 pub mod drawing;
 pub mod live;
 pub mod pilot;
-pub mod certificate;
 pub mod report;
 pub mod throttle_map;
 

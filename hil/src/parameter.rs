@@ -84,13 +84,7 @@ fn of_fault(row: Row) -> Parameter {
         Some(quantity) => ([quantity.least, quantity.greatest], quantity.unit),
         None => ([0.0, 1.0], "1 acts"),
     };
-    Parameter {
-        name: name(&row),
-        what: What::Fault(row),
-        least: range[0],
-        greatest: range[1],
-        unit,
-    }
+    Parameter { name: name(&row), what: What::Fault(row), least: range[0], greatest: range[1], unit }
 }
 
 impl Parameter {

@@ -109,16 +109,18 @@ fn raise() -> Result<u8, String> {
     };
     let limit = getrlimit(Resource::Rtprio).current.unwrap_or(u64::from(PRIORITY));
     let lower = u8::try_from(limit).unwrap_or(PRIORITY).min(PRIORITY);
-    try_at(PRIORITY).or_else(|refused| if lower > 0 { try_at(lower) } else { Err(refused) }).map_err(|refused| {
-        let cause = match refused {
-            Error::OS(code) => Errno::from_raw_os_error(code).to_string(),
-            other => format!("{other:?}"),
-        };
-        format!(
-            "no SCHED_FIFO: {cause}; `ulimit -r` is {limit}. To allow it: CAP_SYS_NICE, or the line \
+    try_at(PRIORITY).or_else(|refused| if lower > 0 { try_at(lower) } else { Err(refused) }).map_err(
+        |refused| {
+            let cause = match refused {
+                Error::OS(code) => Errno::from_raw_os_error(code).to_string(),
+                other => format!("{other:?}"),
+            };
+            format!(
+                "no SCHED_FIFO: {cause}; `ulimit -r` is {limit}. To allow it: CAP_SYS_NICE, or the line \
              `USER - rtprio {PRIORITY}` in /etc/security/limits.d/hopbench.conf and a new login"
-        )
-    })
+            )
+        },
+    )
 }
 
 /// Locks what there is and what will come. Under a limit a later allocation would be refused, and the program with it.
@@ -140,7 +142,10 @@ fn pin(asked: Option<usize>, home: Option<&CpuSet>) -> Result<usize, String> {
     let cpu = match asked {
         Some(cpu) => cpu,
         None if home.count() < CPUS_TO_PIN => {
-            return Err(format!("not pinned: {} CPUs, which the other end needs too; --cpu N pins", home.count()));
+            return Err(format!(
+                "not pinned: {} CPUs, which the other end needs too; --cpu N pins",
+                home.count()
+            ));
         }
         None => isolated()
             .or_else(|| (0..CpuSet::MAX_CPU).rfind(|cpu| home.is_set(*cpu)))
@@ -151,7 +156,9 @@ fn pin(asked: Option<usize>, home: Option<&CpuSet>) -> Result<usize, String> {
         return Err(format!("not pinned: CPU {cpu} is beyond the last"));
     }
     one.set(cpu);
-    sched_setaffinity(None, &one).map(|()| cpu).map_err(|refused| format!("not pinned to CPU {cpu}: {refused}"))
+    sched_setaffinity(None, &one)
+        .map(|()| cpu)
+        .map_err(|refused| format!("not pinned to CPU {cpu}: {refused}"))
 }
 
 /// The first CPU that the kernel keeps its own scheduling away from (`isolcpus=`), a list like `2-3,6`.

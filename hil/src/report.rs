@@ -159,7 +159,9 @@ pub fn summary(report: &Report) -> String {
     if t.slips > 0 {
         line(format!("               slipped {} times, {:.3} s altogether", t.slips, t.slipped_s));
     }
-    for (name, of) in [("step cost", &t.step_us), ("lateness", &t.lateness_us), ("round trip", &t.round_trip_us)] {
+    for (name, of) in
+        [("step cost", &t.step_us), ("lateness", &t.lateness_us), ("round trip", &t.round_trip_us)]
+    {
         if let Some(of) = of {
             line(format!(
                 "{name:<14} p50 {:.1} us, p99 {:.1} us, p99.9 {:.1} us, max {:.1} us",

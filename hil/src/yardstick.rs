@@ -54,12 +54,16 @@ impl Yardsticks {
     /// Ends both: how late the sleep woke, how long the echo took.
     pub fn finish(self) -> (Distribution, Distribution) {
         self.stop.store(true, Ordering::Relaxed);
-        let measured = |thread: JoinHandle<Distribution>| thread.join().unwrap_or_else(|_| Distribution::new());
+        let measured =
+            |thread: JoinHandle<Distribution>| thread.join().unwrap_or_else(|_| Distribution::new());
         (measured(self.sleeper), measured(self.echo))
     }
 }
 
-fn start(name: &str, run: impl FnOnce() -> Distribution + Send + 'static) -> io::Result<JoinHandle<Distribution>> {
+fn start(
+    name: &str,
+    run: impl FnOnce() -> Distribution + Send + 'static,
+) -> io::Result<JoinHandle<Distribution>> {
     std::thread::Builder::new().name(name.to_owned()).spawn(run)
 }
 

@@ -172,7 +172,9 @@ fn every_parameter_is_listed_read_by_index_and_name_and_set() {
 fn every_fault_comes_and_goes_by_its_parameter() {
     run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
-        for (row, parameter) in catalogue().zip(parameters().into_iter().skip(parameters().len() - catalogue().count())) {
+        for (row, parameter) in
+            catalogue().zip(parameters().into_iter().skip(parameters().len() - catalogue().count()))
+        {
             // These would cut the line that the test speaks on.
             if matches!(row.component, Component::WireToFc | Component::WireFromFc | Component::Fc) {
                 continue;
@@ -311,7 +313,11 @@ fn a_list_keeps_within_what_the_line_has_left() {
         });
         // 37 bytes each; their trailing zeros may be cut, so at least 30.
         let least_s = (count as f64 * 30.0 - 300.0) / spare;
-        assert!(start.elapsed().as_secs_f64() > least_s, "{:?} for {count}, at least {least_s} s", start.elapsed());
+        assert!(
+            start.elapsed().as_secs_f64() > least_s,
+            "{:?} for {count}, at least {least_s} s",
+            start.elapsed()
+        );
         Then::Stop
     });
 }
@@ -368,8 +374,7 @@ fn watched(options: Options, play: impl FnOnce(&mut Fc, &mut Station)) -> Report
             frames: Vec::new(),
             messages: Vec::new(),
         };
-        let played =
-            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| play(&mut fc, &mut station)));
+        let played = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| play(&mut fc, &mut station)));
         stop.store(true, Ordering::Relaxed);
         let report = bench.join().unwrap();
         if let Err(failure) = played {

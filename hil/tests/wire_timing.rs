@@ -93,10 +93,14 @@ fn echo_of(time_us: u64) -> f64 {
 
 #[test]
 fn both_round_trips_agree_where_both_can_be_measured() {
-    let (timing, _) = run(options(Pacing::Lockstep), || (), |link| {
-        // The first answer has no time stamp, as the first echo has nothing before it to differ from.
-        answer_until(2_500_000, link, |n, us| controls(if n == 0 { 0 } else { us }, echo_of(us)));
-    });
+    let (timing, _) = run(
+        options(Pacing::Lockstep),
+        || (),
+        |link| {
+            // The first answer has no time stamp, as the first echo has nothing before it to differ from.
+            answer_until(2_500_000, link, |n, us| controls(if n == 0 { 0 } else { us }, echo_of(us)));
+        },
+    );
     let (stamp, echo) = (timing.round_trip_us.unwrap(), timing.echo_us.unwrap());
     // The same frames at the same moment.
     assert_eq!(stamp, echo);
@@ -107,9 +111,13 @@ fn both_round_trips_agree_where_both_can_be_measured() {
 fn the_echo_measures_a_board_that_has_a_clock_of_its_own() {
     let began = Instant::now();
     let board_us = |n: u64| 1_700_000_000_123_457 + 4001 * n;
-    let (timing, link) = run(options(Pacing::RealTime), || (), |link| {
-        answer_until(1_200_000, link, |n, us| controls(board_us(n), echo_of(us)));
-    });
+    let (timing, link) = run(
+        options(Pacing::RealTime),
+        || (),
+        |link| {
+            answer_until(1_200_000, link, |n, us| controls(board_us(n), echo_of(us)));
+        },
+    );
     assert_eq!(timing.round_trip_us, None);
     let echo = timing.echo_us.unwrap();
     assert!(echo.p50 > 0.0 && echo.max < began.elapsed().as_secs_f64() * 1e6);
@@ -121,9 +129,13 @@ fn the_echo_measures_a_board_that_has_a_clock_of_its_own() {
 #[test]
 fn a_channel_that_echoes_nothing_is_no_round_trip() {
     for constant in [0.0, 0.5, 0.123_45, f64::NAN] {
-        let (timing, _) = run(options(Pacing::Lockstep), || (), |link| {
-            answer_until(1_200_000, link, |_, us| controls(us, constant));
-        });
+        let (timing, _) = run(
+            options(Pacing::Lockstep),
+            || (),
+            |link| {
+                answer_until(1_200_000, link, |_, us| controls(us, constant));
+            },
+        );
         assert_eq!(timing.echo_us, None, "{constant}");
         assert!(timing.round_trip_us.is_some());
     }

@@ -82,8 +82,10 @@ impl PlantEffect {
         match (fault.component, fault.mode) {
             (Component::Igniter, Mode::Off) => self.igniter_dead = true,
             (Component::Igniter, Mode::Delay) => self.light_delay_s += value,
-            (Component::Igniter, Mode::HardStart) => self.hard_start += value,
-            (Component::Valve, Mode::Leak) => self.valve_leak_share += value,
+            (Component::Igniter, Mode::HardStart) => self.hard_start = both_lost(self.hard_start, value),
+            (Component::Valve, Mode::Leak) => {
+                self.valve_leak_share = both_lost(self.valve_leak_share, value);
+            }
             (Component::Valve, _) => self.valve.add(fault),
             (Component::GimbalX, _) => self.gimbal[0].add(fault),
             (Component::GimbalY, _) => self.gimbal[1].add(fault),

@@ -168,9 +168,13 @@ impl Plant {
     fn settle_regulator(&mut self, now: &Evaluation) {
         let Broken { effect, sag_pa, .. } = self.held.broken;
         let droop_pa = effect.regulator_droop_pa;
-        // What a regulator that works has let in; one above its outlet lets nothing in.
-        if droop_pa <= sag_pa {
-            self.held.broken.shut_in_kg = now.pressurant.tank_kg;
+        // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on letting out.
+        let shut_in_kg = &mut self.held.broken.shut_in_kg;
+        if droop_pa <= sag_pa || *shut_in_kg <= 0.0 {
+            *shut_in_kg = now.pressurant.tank_kg;
+        } else {
+            let vented_kg_s = now.rate.expelled_vent_kg - now.rate.vented_vapor_kg;
+            *shut_in_kg = (*shut_in_kg - vented_kg_s * self.step.s()).max(f64::MIN_POSITIVE);
         }
         if droop_pa == sag_pa {
             return;

@@ -30,7 +30,9 @@ impl Plant {
         let liquid_m = self.state.nitrous_kg / (self.vehicle.nitrous_density_kg_m3 * floor_m2);
         let head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
         let start = self.feed_input(&self.state, head_pa);
-        let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, now.chamber_pa);
+        // The feed does not feel a surge.
+        let chamber_pa = now.chamber_pa - self.held.broken.surge.chamber_pa;
+        let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, chamber_pa);
         // Within the step the head goes on as it went in the last one.
         self.held.head_trend_pa = if self.held.head_pa > 0.0 { head_pa - self.held.head_pa } else { 0.0 };
         self.held.head_pa = head_pa;

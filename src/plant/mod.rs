@@ -308,7 +308,7 @@ impl Plant {
         self.settle();
     }
 
-    /// Wind and disturbances that somebody at a bench adds, from the next step on.
+    /// Wind and disturbances that somebody at a bench adds: wind from the next step on, the rest from the one after.
     pub fn interfere(&mut self, interference: &Interference) {
         let Interference { wind_ned_m_s, standing } = *interference;
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));

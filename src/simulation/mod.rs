@@ -228,7 +228,7 @@ impl Flight {
         &self.interference
     }
 
-    /// Adds wind and disturbances from the next step on, instead of those added before. The caller notes
+    /// Adds wind and disturbances within two steps, instead of those added before. The caller notes
     /// that the run is modified.
     pub fn interfere(&mut self, interference: Interference) {
         self.interference = interference;

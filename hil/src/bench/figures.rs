@@ -195,7 +195,8 @@ impl Bench<'_> {
             stalled,
             disrupted: self.disruption.report(),
             gaps: figures.silences.gaps,
-            longest_gap_ms: (figures.silences.frames > 1).then_some(figures.silences.longest_ns as f64 * 1e-6),
+            longest_gap_ms: (figures.silences.frames > 1)
+                .then_some(figures.silences.longest_ns as f64 * 1e-6),
             sent_bytes: moved.sent_bytes,
             received_bytes: moved.received_bytes,
             rate_out_hz: each_s(figures.taken),

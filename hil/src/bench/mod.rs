@@ -41,8 +41,8 @@ use crate::stream::Streams;
 use controller::FlightController;
 use figures::Figures;
 use handover::Hands;
-use stall::{NAMED_WITHIN, Stall, Stalls};
 use service::Services;
+use stall::{NAMED_WITHIN, Stall, Stalls};
 
 /// Longest wait without a look at the request to stop.
 const SLICE: Duration = Duration::from_millis(50);

@@ -162,9 +162,7 @@ impl Bench<'_> {
         let reaches = |to: crate::mavlink::Address| to.reaches(stream::ADDRESS);
         match said {
             FromFc::Command(command) if reaches(command.to) => self.take_command(command, Port::Fc),
-            FromFc::ParameterList(to)
-            | FromFc::ParameterRead(to, _)
-            | FromFc::ParameterSet(to, ..)
+            FromFc::ParameterList(to) | FromFc::ParameterRead(to, _) | FromFc::ParameterSet(to, ..)
                 if self.options.profile.answers && reaches(*to) =>
             {
                 self.take_parameter(said, Port::Fc);
@@ -299,7 +297,9 @@ impl Bench<'_> {
             self.live.notice(match notice {
                 Notice::Connected(peer) => format!("ground station on {address}: {peer} is there"),
                 Notice::Disconnected(why) => format!("ground station on {address}: lost, {why}"),
-                Notice::Refused(peer) => format!("ground station on {address}: {peer} refused, one at a time"),
+                Notice::Refused(peer) => {
+                    format!("ground station on {address}: {peer} refused, one at a time")
+                }
             });
         }
         for said in heard {
@@ -319,8 +319,7 @@ impl Bench<'_> {
                     said @ (FromFc::ParameterList(to)
                     | FromFc::ParameterRead(to, _)
                     | FromFc::ParameterSet(to, ..))
-                        if to.system == GROUND_ADDRESS.system
-                            || matches!(said, FromFc::ParameterList(_)) =>
+                        if to.system == GROUND_ADDRESS.system || matches!(said, FromFc::ParameterList(_)) =>
                     {
                         self.take_parameter(&said, Port::Ground);
                     }
@@ -395,7 +394,9 @@ impl Bench<'_> {
                 }
                 Failure::Break(_) => return denied("this profile sends nothing of that sensor"),
                 Failure::Mend(components) => Request::Mend(components, None),
-                Failure::NoSuchInstance(count) => return denied(format!("instances are 1 to {count}, 0 all")),
+                Failure::NoSuchInstance(count) => {
+                    return denied(format!("instances are 1 to {count}, 0 all"));
+                }
                 Failure::Unsupported => return unsupported("no such failure in the catalogue"),
             },
             other => return unsupported(format!("command {other} is none of the bench's")),

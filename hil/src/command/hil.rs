@@ -174,7 +174,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let others_passed = report.flights.iter().all(|f| f.expect.passed || f.outcome == Outcome::Aborted);
     // The verdict is printed whatever becomes of the disk.
     let kept = folder.write(&mut report).and_then(|()| {
-        let bench = certificate::Bench { profile: profile.name, link: link.address(), step_s: flight.step_s() };
+        let bench =
+            certificate::Bench { profile: profile.name, link: link.address(), step_s: flight.step_s() };
         folder.leave(certificate::FILE, &certificate::page(&report, &bench, &Machine::here()))
     });
     if common.json {

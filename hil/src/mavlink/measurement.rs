@@ -290,8 +290,8 @@ impl Gatherer {
         self.last_time = Some(measurement.time);
         let force = has(UPDATED_ACCELEROMETER)
             .then(|| Vec3::new(data.xacc.into(), data.yacc.into(), data.zacc.into()));
-        let rate =
-            has(UPDATED_GYROSCOPE).then(|| Vec3::new(data.xgyro.into(), data.ygyro.into(), data.zgyro.into()));
+        let rate = has(UPDATED_GYROSCOPE)
+            .then(|| Vec3::new(data.xgyro.into(), data.ygyro.into(), data.zgyro.into()));
         if let (Some(specific_force_body_m_s2), Some(rate_body_rad_s)) = (force, rate) {
             measurement.imu =
                 Some(ImuSample { specific_force_body_m_s2, rate_body_rad_s, interval_s, temperature_k });

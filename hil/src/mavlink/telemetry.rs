@@ -205,7 +205,7 @@ pub fn global_position(now: &Snapshot, datum: &Datum, time_us: u64) -> MavMessag
         time_boot_ms: milliseconds(time_us),
         lat: deg_e7(place.latitude_rad),
         lon: deg_e7(place.longitude_rad),
-        alt: (place.altitude_m * 1e3).round() as i32,        // m -> mm
+        alt: (place.altitude_m * 1e3).round() as i32, // m -> mm
         relative_alt: (now.height_m * 1e3).round() as i32, // m -> mm
         vx: centi_i16(v.x),
         vy: centi_i16(v.y),
