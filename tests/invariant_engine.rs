@@ -245,6 +245,7 @@ proptest! {
             fuel_flow_kg_s: None,
             oxidizer_flow_limit_kg_s: limit,
             outlet: None,
+            damage: hopbench::propulsion::Damage::NONE,
         };
         let area_m2 = engine.valve_area().area_m2(f64::to_radians(degrees));
         let inverse = engine.inverse(&feed, thrust_n, &condition, Guess::default());

@@ -338,6 +338,7 @@ fn a_tank_blows_down_with_its_bottle() {
             total_kg: y.0.nitrogen_kg,
             ullage_m3: tank_m3 - y.0.nitrous_kg / LIQUID_KG_M3,
             ambient_pa: 101_325.0,
+            regulator_sag_pa: 0.0,
         };
         let algebra = pressurant.distribute(&gas, &inventory);
         lost += i32::from(!algebra.regulated);
