@@ -31,6 +31,9 @@ const STRANGERS: usize = 16;
 /// A `udp-listen` peer silent for this long gives way to whoever writes next.
 const PEER_SILENCE: Duration = Duration::from_secs(1);
 
+/// A TCP peer that acknowledges nothing for this long is gone. The kernel counts keepalive in whole seconds.
+const TCP_SILENCE: Duration = Duration::from_secs(2);
+
 /// Where the other end is: the `LINK` of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LinkSpec {
@@ -549,10 +552,17 @@ impl Link {
     }
 }
 
-/// Small frames must not wait for the acknowledgement of the one before.
+/// Small frames must not wait for the acknowledgement of the one before, and a host that is gone without a word
+/// (unplugged, crashed) must not hold the connection: what is sent to it is given up, and it is asked when idle.
 fn prepare(stream: &TcpStream) -> io::Result<()> {
+    use rustix::net::sockopt;
     stream.set_nonblocking(true)?;
-    stream.set_nodelay(true)
+    stream.set_nodelay(true)?;
+    sockopt::set_tcp_user_timeout(stream, TCP_SILENCE.as_millis() as u32)?;
+    sockopt::set_tcp_keepidle(stream, TCP_SILENCE / 2)?;
+    sockopt::set_tcp_keepintvl(stream, TCP_SILENCE / 2)?;
+    sockopt::set_tcp_keepcnt(stream, 1)?;
+    Ok(sockopt::set_socket_keepalive(stream, true)?)
 }
 
 /// A thread that dials until somebody answers, then again whenever it is asked to.
