@@ -187,6 +187,7 @@ impl Bench<'_> {
         self.fc.heard_ns = now_ns;
         self.fc.armed = armed;
         self.fc.ever_armed |= armed;
+        self.hold_peer();
         self.fc.command = Some(command);
         if self.stage == Stage::Fallback {
             return;

@@ -29,7 +29,7 @@ use crate::desk::{Allowance, Desk};
 use crate::disruption::Disruption;
 use crate::failure::{Failure, failure};
 use crate::ground::{FromGround, GROUND_ADDRESS, View};
-use crate::link::Notice;
+use crate::link::{Hold, Notice};
 use crate::mavlink::{
     Command, FromFc, GUIDED_ENABLE, INJECT_FAILURE, MavMessage, PAUSE_CONTINUE, REBOOT, RESULT_ACCEPTED,
     RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL, Severity, Which, parameter_value,
@@ -234,6 +234,12 @@ impl Bench<'_> {
         self.clock.go_on(now_us, now_us);
     }
 
+    /// Nobody takes the place of a controller that has a vehicle in its hands or waits while time stands.
+    pub(super) fn hold_peer(&mut self) {
+        let flies = self.fc.armed && self.stage != Stage::Fallback;
+        self.link.keep_peer(if flies || self.services.paused { Hold::Kept } else { Hold::Free });
+    }
+
     /// Begins a new flight.
     pub(super) fn begin_again(&mut self) {
         let flown = self.flight.time();
@@ -269,6 +275,7 @@ impl Bench<'_> {
             self.stage = Stage::Pad;
         }
         self.command = ActuatorCommand::SAFE;
+        self.hold_peer();
         self.hands = Hands::default();
         self.sampled = SimTime::ZERO;
         if let Some(planner) = &mut self.planner {
@@ -519,10 +526,12 @@ impl Bench<'_> {
             }
             Request::Pause if !self.services.paused => {
                 (self.services.paused, self.services.steps) = (true, 0);
+                self.hold_peer();
                 self.modified("paused");
             }
             Request::Resume if self.services.paused => {
                 self.services.paused = false;
+                self.hold_peer();
                 self.modified("resumed");
             }
             Request::Pause | Request::Resume => {}
