@@ -19,6 +19,7 @@ use std::collections::VecDeque;
 use hopbench::fault::{Component, Fault, Mode, Row};
 use hopbench::scenario::Outcome;
 use hopbench::signal::ActuatorCommand;
+use hopbench::simulation::report::CUT_SHORT;
 use hopbench::simulation::Source;
 use hopbench::time::SimTime;
 
@@ -248,6 +249,7 @@ impl Bench<'_> {
         }
         self.flight.event("reset", "a new flight begins".to_owned());
         if self.flight.outcome().is_none() {
+            self.flight.event(CUT_SHORT, "ended by the reset".to_owned());
             self.flight.end(Outcome::Aborted);
         }
         let fc_must_fly = self.options.source == Source::Fc && !self.scenario.file.fallback_expected;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use hopbench::input::InputError;
-use hopbench::scenario::{Outcome, Scenario};
+use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
@@ -171,7 +171,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.overrides = common.set.clone();
     report.ground = ground.as_ref().map(Ground::figures);
     // A flight that somebody cut short is judged too, but its verdict is not the run's.
-    let others_passed = report.flights.iter().all(|f| f.expect.passed || f.outcome == Outcome::Aborted);
+    let others_passed = report.flights.iter().all(|flight| flight.expect.passed || flight.is_excused());
     // The verdict is printed whatever becomes of the disk.
     let kept = folder.write(&mut report).and_then(|()| {
         let bench = certificate::Bench { profile: profile.name, link: link.address(), step_s: flight.step_s() };
