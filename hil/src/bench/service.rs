@@ -20,7 +20,7 @@ use hopbench::fault::{Component, Fault, Mode, Row};
 use hopbench::scenario::Outcome;
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::report::CUT_SHORT;
-use hopbench::simulation::Source;
+use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
 use super::controller::FlightController;
@@ -91,7 +91,8 @@ pub(super) struct Services {
     paused: bool,
     steps: u64,
     next_seed: Option<u32>,
-    reset_asked: bool,
+    /// The flight that somebody has asked for and that could be set up.
+    fresh: Option<Box<Flight>>,
     /// Added to the time of the flight, so that time on the wire never goes back.
     offset: SimTime,
     /// Until this wall time answers to the flight before are not obeyed.
@@ -112,15 +113,15 @@ impl Services {
             paused: false,
             steps: 0,
             next_seed: None,
-            reset_asked: false,
+            fresh: None,
             offset: SimTime::ZERO,
             stale_ns: 0,
         }
     }
 
     /// Whether somebody has asked for a new flight since.
-    pub(super) fn begins_again(&mut self) -> bool {
-        std::mem::take(&mut self.reset_asked)
+    pub(super) fn begins_again(&self) -> bool {
+        self.fresh.is_some()
     }
 
     /// Whether simulated time stands until somebody lets it go on; a step that was asked for is taken off.
@@ -243,6 +244,7 @@ impl Bench<'_> {
 
     /// Begins a new flight.
     pub(super) fn begin_again(&mut self) {
+        let Some(fresh) = self.services.fresh.take() else { return };
         let flown = self.flight.time();
         if let Some(handover) = self.hands.unfinished() {
             self.flight.note_handover(handover);
@@ -253,11 +255,8 @@ impl Bench<'_> {
             self.flight.end(Outcome::Aborted);
         }
         let fc_must_fly = self.options.source == Source::Fc && !self.scenario.file.fallback_expected;
-        let seed = self.services.next_seed.unwrap_or_else(|| self.flight.seed());
-        if let Err(fault) = self.flight.begin_again(seed, fc_must_fly) {
-            self.live.notice(format!("no new flight: {fault}"));
-            return;
-        }
+        let seed = fresh.seed();
+        self.flight.begin_again(*fresh, fc_must_fly);
         self.live.notice(format!("reset: flight {} begins, seed {seed}", self.flight.earlier().len() + 1));
         // A sample's place on the wire passes: the mark of the new flight takes it.
         let services = &mut self.services;
@@ -524,7 +523,9 @@ impl Bench<'_> {
                 if self.fc.armed && !self.options.profile.resets_armed {
                     return denied("no reset while the flight controller is armed");
                 }
-                self.services.reset_asked = true;
+                let seed = self.services.next_seed.unwrap_or_else(|| self.flight.seed());
+                let fresh = self.flight.again(seed).or_else(|fault| denied(format!("no new flight: {fault}")))?;
+                self.services.fresh = Some(Box::new(fresh));
             }
             Request::Pause if !self.services.paused => {
                 (self.services.paused, self.services.steps) = (true, 0);
@@ -589,7 +590,7 @@ impl Bench<'_> {
             What::Speed => self.clock.speed(),
             What::Pause => f64::from(u8::from(self.services.paused)),
             What::Step => self.services.steps as f64,
-            What::Reset => f64::from(u8::from(self.services.reset_asked)),
+            What::Reset => f64::from(u8::from(self.services.fresh.is_some())),
             What::Seed => f64::from(self.services.next_seed.unwrap_or_else(|| self.flight.seed())),
             What::WindNorth => interference.wind_ned_m_s.x,
             What::WindEast => interference.wind_ned_m_s.y,
