@@ -547,6 +547,9 @@ impl Bench<'_> {
             }
             Request::Seed(seed) => self.services.next_seed = Some(seed),
             Request::GiveBack => self.give_back().or_else(denied)?,
+            Request::Break(_) | Request::Mend(..) if self.flight.outcome().is_some() => {
+                return denied("the flight has ended: reset first");
+            }
             Request::Break(faults) => {
                 for fault in &faults {
                     fault.validate().or_else(|fault| denied(fault.to_string()))?;
