@@ -498,7 +498,11 @@ impl Bench<'_> {
             let Parameter { name, least, greatest, unit, .. } = parameter;
             return denied(format!("{name} {value}: allowed {least} to {greatest} ({unit})"));
         }
-        let request = match parameter.what {
+        let what = parameter.what;
+        if self.is_in_force(&what, value) {
+            return Ok(());
+        }
+        let request = match what {
             What::Speed => Request::Speed(value),
             What::Pause if value == 0.0 => Request::Resume,
             What::Pause => Request::Pause,
@@ -514,6 +518,16 @@ impl Bench<'_> {
             what => Request::Interfere(what, value),
         };
         self.carry_out(request)
+    }
+
+    /// Whether a parameter has this value already: then setting it changes nothing, and marks nothing.
+    fn is_in_force(&self, what: &What, value: f64) -> bool {
+        match what {
+            What::Step | What::Reset => false,
+            // 0 is said both of one that does not act and of one that acts with 0; an ended flight answers for itself.
+            What::Fault(_) if value == 0.0 || self.flight.outcome().is_some() => false,
+            _ => value == self.value(what),
+        }
     }
 
     /// The one place where a request has its effect.
