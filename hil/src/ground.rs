@@ -20,7 +20,8 @@ use crate::mavlink::telemetry::{
     system_status, vehicle_heartbeat,
 };
 use crate::mavlink::{Address, Command, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
-use crate::stream::Timer;
+use crate::profile::frame_bytes;
+use crate::stream::{Refusal, Timer};
 
 /// Who the bench is to a ground station.
 pub const GROUND_ADDRESS: Address = Address { system: 250, component: 1 };
@@ -30,12 +31,17 @@ const QUEUE: usize = 256;
 const DATAGRAM_BYTES: usize = 1200;
 /// Share of a serial line that is used.
 const SHARE: f64 = 0.9;
-/// Least interval that may be asked for (us).
-const LEAST_US: u64 = 4_000;
 
-/// Telemetry and how often it comes by default (us). The plant's floats come last: they need the most room.
-const TELEMETRY: [(u32, u64); 6] =
-    [(31, 100_000), (32, 100_000), (33, 100_000), (245, 500_000), (1, 1_000_000), (PLANT_ARRAY_ID, 100_000)];
+/// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come last: they
+/// need the most room.
+const TELEMETRY: [(u32, u64, f64); 6] = [
+    (31, 100_000, 60.0),
+    (32, 100_000, 40.0),
+    (33, 100_000, 40.0),
+    (245, 500_000, 14.0),
+    (1, 1_000_000, 55.0),
+    (PLANT_ARRAY_ID, 100_000, frame_bytes::DEBUG_FLOAT_ARRAY),
+];
 
 /// The link and who speaks on it.
 pub struct Ground {
@@ -87,7 +93,7 @@ impl Ground {
             allowance: baud.map_or_else(Allowance::socket, |baud| Allowance::new(bytes_s(baud))),
             heartbeat: Timer::every_us(1_000_000),
             banner: Timer::every_us(10_000_000),
-            telemetry: TELEMETRY.map(|(id, interval_us)| (id, Some(Timer::every_us(interval_us)))),
+            telemetry: TELEMETRY.map(|(id, interval_us, _)| (id, Some(Timer::every_us(interval_us)))),
             from_fc: VecDeque::new(),
             out: Vec::with_capacity(2 * DATAGRAM_BYTES),
             counts: GroundReport::default(),
@@ -147,13 +153,30 @@ impl Ground {
         }
     }
 
-    /// How often a message comes (us): `None` never, 0 its default. Whether that is in the bench's hand.
-    pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> bool {
-        let default_us = TELEMETRY.iter().find(|(id, _)| *id == message_id).map(|(_, us)| *us);
-        let place = self.telemetry.iter_mut().find(|(id, _)| *id == message_id);
-        let (Some(default_us), Some((_, timer))) = (default_us, place) else { return false };
-        *timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us.max(LEAST_US) }));
-        true
+    /// How often a message comes (us): `None` never, 0 its default. More than the line carries is not taken.
+    ///
+    /// # Errors
+    /// When the message's rate is not in the bench's hand, or does not fit the line.
+    pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> Result<(), Refusal> {
+        let place = TELEMETRY.iter().position(|(id, ..)| *id == message_id).ok_or(Refusal::NotInHand)?;
+        let default_us = TELEMETRY[place].1;
+        let timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us }));
+        let before = std::mem::replace(&mut self.telemetry[place].1, timer);
+        let bytes_s = |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2);
+        let (taken_bytes_s, left_bytes_s) = (self.telemetry_bytes_s(), self.allowance.bytes_s());
+        // What asks for less always fits.
+        if bytes_s(timer) > bytes_s(before) && taken_bytes_s > left_bytes_s {
+            self.telemetry[place].1 = before;
+            return Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s });
+        }
+        Ok(())
+    }
+
+    /// Bytes a second of heartbeat and telemetry.
+    fn telemetry_bytes_s(&self) -> f64 {
+        let each = self.telemetry.iter().zip(TELEMETRY);
+        let asked: f64 = each.map(|((_, timer), (.., bytes))| timer.map_or(0.0, |t| t.hz() * bytes)).sum();
+        asked + frame_bytes::HEARTBEAT
     }
 
     /// COMMAND_ACK; small, and somebody waits for it.

@@ -80,7 +80,8 @@ impl Timer {
         true
     }
 
-    fn hz(&self) -> f64 {
+    /// How often it is due (Hz).
+    pub fn hz(&self) -> f64 {
         1e6 / self.interval_us as f64
     }
 }

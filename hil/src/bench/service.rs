@@ -46,6 +46,8 @@ const QUEUE: usize = 64;
 const STATUS_TEXT_ID: u32 = 253;
 /// Without a sample for this long, services no longer wait for one.
 const QUIET: SimTime = SimTime::from_us(40_000);
+/// No message comes oftener when it is asked for (us): a sample is 4 ms at the usual 250 Hz.
+const LEAST_INTERVAL_US: u64 = 4_000;
 /// After a reset, answers to the flight before are not obeyed for this long (ns).
 const STALE_NS: u64 = 200_000_000;
 
@@ -415,17 +417,23 @@ impl Bench<'_> {
         // `as` saturates and turns NaN into 0.
         let interval = if interval_us < 0.0 { None } else { Some(interval_us as u64) };
         let id = message as u32;
+        if (1..LEAST_INTERVAL_US).contains(&interval.unwrap_or(0)) {
+            return denied(format!("the least interval is {LEAST_INTERVAL_US} us"));
+        }
         let none = || unsupported(format!("the rate of message {message} is not in the bench's hand"));
+        let refused = |answer: Result<(), Refusal>| match answer {
+            Ok(()) => Ok(()),
+            Err(Refusal::NotInHand) => none(),
+            Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s }) => {
+                denied(format!("{taken_bytes_s:.0} byte/s would be taken, the line has {left_bytes_s:.0}"))
+            }
+        };
         if id as f32 != message {
             return none();
         }
         match (port, &mut self.ground) {
             (Port::Ground, Some(ground)) => {
-                if ground.set_interval(id, interval) {
-                    Ok(())
-                } else {
-                    none()
-                }
+                refused(ground.set_interval(id, interval))
             }
             (Port::Fc, _) if id == STATUS_TEXT_ID && self.options.profile.answers => {
                 self.services.tells_events = interval.is_some();
@@ -442,10 +450,7 @@ impl Bench<'_> {
                         }
                         Ok(())
                     }
-                    Err(Refusal::NotInHand) => none(),
-                    Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s }) => denied(format!(
-                        "{taken_bytes_s:.0} byte/s would be taken, the line has {left_bytes_s:.0}"
-                    )),
+                    refusal => refused(refusal),
                 }
             }
         }
