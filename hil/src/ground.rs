@@ -13,13 +13,13 @@ use hopbench::simulation::Flight;
 use hopbench::simulation::report::GroundReport;
 use hopbench::time::SimTime;
 
-use crate::desk::{Allowance, Desk};
+use crate::desk::{Allowance, Desk, Said};
 use crate::link::{Link, Notice};
 use crate::mavlink::telemetry::{
     PLANT_ARRAY_ID, Sensor, attitude, extended_state, global_position, local_position, plant_array,
     system_status, vehicle_heartbeat,
 };
-use crate::mavlink::{Address, Command, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
+use crate::mavlink::{Address, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
 use crate::profile::frame_bytes;
 use crate::stream::{Refusal, Timer};
 
@@ -179,11 +179,6 @@ impl Ground {
         asked + frame_bytes::HEARTBEAT
     }
 
-    /// COMMAND_ACK; small, and somebody waits for it.
-    pub fn acknowledge(&mut self, command: &Command, result: u8) {
-        self.encoder.encode_ack(command, result, &mut self.out);
-    }
-
     /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
     pub fn speak(&mut self, now_ns: u64, view: &View, parameter: impl Fn(u16) -> Option<MavMessage>) {
         if !self.link.has_peer() {
@@ -200,9 +195,9 @@ impl Ground {
             self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &text);
         }
         while self.allowance.is_open(now_ns)
-            && let Some(message) = self.desk.next(&parameter)
+            && let Some(said) = self.desk.next(&parameter)
         {
-            self.put(&message);
+            self.put_said(&said);
         }
         let last = self.telemetry.len() - 1;
         for i in 0..last {
@@ -241,9 +236,13 @@ impl Ground {
     }
 
     fn put(&mut self, message: &MavMessage) {
+        self.put_said(&Said::Message(message.clone()));
+    }
+
+    fn put_said(&mut self, said: &Said) {
         self.room_for(280);
         let before = self.out.len();
-        self.encoder.encode(message, &mut self.out);
+        said.encode(&mut self.encoder, &mut self.out);
         self.allowance.spend(self.out.len() - before);
     }
 

@@ -368,10 +368,8 @@ impl Bench<'_> {
                 result
             }
         };
-        match (port, &mut self.ground) {
-            (Port::Fc, _) => self.streams.put_ack(command, result),
-            (Port::Ground, Some(ground)) => ground.acknowledge(command, result),
-            (Port::Ground, None) => {}
+        if let Some(desk) = self.desk(port) {
+            desk.acknowledge(command, result);
         }
     }
 
