@@ -107,10 +107,15 @@ impl Desk {
 
     /// Says a text, in pieces where it is long.
     pub fn tell(&mut self, severity: Severity, text: &str) {
-        self.text_id = self.text_id.wrapping_add(1);
-        for piece in status_text(severity, text, self.text_id) {
+        for piece in self.pieces(severity, text) {
             self.say(piece);
         }
+    }
+
+    /// A text in pieces, for whoever says it out of turn.
+    pub fn pieces(&mut self, severity: Severity, text: &str) -> Vec<MavMessage> {
+        self.text_id = self.text_id.wrapping_add(1);
+        status_text(severity, text, self.text_id)
     }
 
     /// Begins the list of parameters, or begins it again.

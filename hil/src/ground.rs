@@ -31,6 +31,8 @@ const QUEUE: usize = 256;
 const DATAGRAM_BYTES: usize = 1200;
 /// Share of a serial line that is used.
 const SHARE: f64 = 0.9;
+/// STATUSTEXT
+const STATUSTEXT_ID: u32 = 253;
 
 /// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come last: they
 /// need the most room.
@@ -54,7 +56,9 @@ pub struct Ground {
     heartbeat: Timer,
     banner: Timer,
     telemetry: [(u32, Option<Timer>); TELEMETRY.len()],
-    from_fc: VecDeque<Vec<u8>>,
+    /// After a text of the flight controller, which does not say that it is of a simulation.
+    contradiction: Timer,
+    from_fc: VecDeque<(u32, Vec<u8>)>,
     out: Vec<u8>,
     counts: GroundReport,
 }
@@ -93,6 +97,7 @@ impl Ground {
             allowance: baud.map_or_else(Allowance::socket, |baud| Allowance::new(bytes_s(baud))),
             heartbeat: Timer::every_us(1_000_000),
             banner: Timer::every_us(10_000_000),
+            contradiction: Timer::every_us(1_000_000),
             telemetry: TELEMETRY.map(|(id, interval_us, _)| (id, Some(Timer::every_us(interval_us)))),
             from_fc: VecDeque::new(),
             out: Vec::with_capacity(2 * DATAGRAM_BYTES),
@@ -147,7 +152,7 @@ impl Ground {
             return;
         }
         if self.from_fc.len() < QUEUE {
-            self.from_fc.push_back(raw.to_vec());
+            self.from_fc.push_back((message_id, raw.to_vec()));
         } else {
             self.counts.dropped += 1;
         }
@@ -191,8 +196,7 @@ impl Ground {
             self.put(&vehicle_heartbeat(view.is_armed));
         }
         if self.banner.fires(now) {
-            let text = format!("SIMULATED: {} on a test bench, no vehicle flies", view.flight.scenario().name);
-            self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &text);
+            self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight));
         }
         while self.allowance.is_open(now_ns)
             && let Some(said) = self.desk.next(&parameter)
@@ -204,12 +208,17 @@ impl Ground {
             self.report(i, now_ns, view);
         }
         while self.allowance.is_open(now_ns)
-            && let Some(raw) = self.from_fc.pop_front()
+            && let Some((id, raw)) = self.from_fc.pop_front()
         {
             self.room_for(raw.len());
             self.allowance.spend(raw.len());
             self.out.extend_from_slice(&raw);
             self.counts.forwarded_from_fc += 1;
+            if id == STATUSTEXT_ID && self.contradiction.fires(now) {
+                for piece in self.desk.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
+                    self.put(&piece);
+                }
+            }
         }
         self.report(last, now_ns, view);
         self.flush();
@@ -278,6 +287,11 @@ impl Ground {
             ..self.counts.clone()
         }
     }
+}
+
+/// What every ground station has to know.
+fn banner(flight: &Flight) -> String {
+    format!("SIMULATED: {} on a test bench, no vehicle flies", flight.scenario().name)
 }
 
 /// Sensors in which a fault acts.
