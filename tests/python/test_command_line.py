@@ -167,6 +167,14 @@ def test_a_wrong_vehicle_set_names_its_line(line, named, tmp_path):
         assert words in result.stderr, result.stderr
 
 
+def test_the_mission_script_says_what_it_needs(tmp_path):
+    (tmp_path / "pymavlink.py").write_text("raise ImportError('No module named pymavlink')\n")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    script = ROOT / "tools" / "px4_mission.py"
+    done = subprocess.run([sys.executable, script, "--help"], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "pip install pymavlink" in done.stderr and "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize("command", [["doctor"], ["check", "scenarios/hover_5m.toml"], ["engine", "scenarios/vehicles/reference.toml"]])
 def test_out_is_refused_where_nothing_is_left(command, tmp_path):
     result = run_hopbench(*command, "--out", tmp_path / "run")
