@@ -284,7 +284,7 @@ mod tests {
     #[test]
     fn what_stands_acts_before_ignition_too_until_it_is_taken_away() {
         let mut all = Disturbances::new(&[], 1);
-        let mut at = |all: &mut Disturbances| all.advance(1e-3, None, |_, _| {});
+        let at = |all: &mut Disturbances| all.advance(1e-3, None, |_, _| {});
         all.stand(Some(Standing { thrust_bias: -0.1, force_body_n: Vec3::x(), ..Default::default() }));
         let effect = at(&mut all);
         assert_eq!((effect.thrust_share, effect.force_body_n), (-0.1, Vec3::x()));

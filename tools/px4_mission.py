@@ -6,7 +6,7 @@
 
 Times and holds are PX4's own clock (`time_boot_ms`), so the script is right at any speed of simulation. It sends the
 ground station's HEARTBEAT, 2 a second, all the while. Exit 0: landed and disarmed, every step within its tolerance.
-1: refused, failsafe, or a step missed. 2: wrong arguments. 3: no PX4, or it fell silent.
+1: refused, failsafe, or a step missed. 2: wrong arguments, or no pymavlink. 3: no PX4, or it fell silent.
 """
 
 import argparse
@@ -17,8 +17,16 @@ import time
 
 os.environ["MAVLINK20"] = "1"
 os.environ["MAVLINK_DIALECT"] = "common"
-from pymavlink import mavutil  # noqa: E402
-from pymavlink.dialects.v20 import common as mavlink  # noqa: E402
+try:
+    from pymavlink import mavutil
+    from pymavlink.dialects.v20 import common as mavlink
+except ImportError as error:
+    print(
+        f"{error}: this script needs pymavlink. In a checkout: `cargo xtask python`, then run it with .venv/bin/python; "
+        f"elsewhere: {sys.executable} -m pip install pymavlink",
+        file=sys.stderr,
+    )
+    sys.exit(2)
 
 PREARM_BIT = 0x10000000
 MODES = {(4, 2): "takeoff", (4, 3): "hold", (4, 6): "land", (6, 0): "offboard", (4, 5): "return", (4, 4): "mission"}

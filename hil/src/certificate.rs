@@ -15,6 +15,8 @@ pub const FILE: &str = "certificate.txt";
 const LATENESS_BUDGET_US: f64 = 100.0;
 const ROUND_TRIP_BUDGET_US: f64 = 2000.0;
 const WIRE_BUDGET_PERCENT: f64 = 70.0;
+/// Changes in flight that are named; the report names more.
+const NAMED_CHANGES: usize = 10;
 
 /// How the run was set up, as far as the report does not say.
 #[derive(Clone, Copy, Debug)]
@@ -82,8 +84,12 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
     page.entry("pacing", t.pacing.as_deref().unwrap_or("none"));
     let sensor = t.sensor_hz.map_or(String::new(), |hz| format!(", sensors {hz:.0} Hz"));
     page.entry("plant", &format!("{}, {:.0} Hz{sensor}", name(&t.plant_mode), t.plant_hz));
-    for (i, change) in report.overrides.iter().chain(&report.modified).enumerate() {
+    let named = report.modified.iter().take(NAMED_CHANGES);
+    for (i, change) in report.overrides.iter().chain(named).enumerate() {
         page.entry(if i == 0 { "modified" } else { "" }, change);
+    }
+    if report.modified_count > NAMED_CHANGES {
+        page.entry("", &format!("{} changes in flight altogether", report.modified_count));
     }
     scheduler(&mut page, t.scheduler.as_ref());
     times(&mut page, t);

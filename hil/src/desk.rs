@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use crate::mavlink::{MavMessage, Severity, status_text};
+use crate::mavlink::{Command, Encoder, MavMessage, Severity, status_text};
 
 /// Messages that wait; what comes on top is dropped and counted.
 const QUEUE: usize = 256;
@@ -31,6 +31,11 @@ impl Allowance {
         Self::new(SOCKET_BYTES_S)
     }
 
+    /// Bytes a second.
+    pub fn bytes_s(&self) -> f64 {
+        self.bytes_s
+    }
+
     /// From now on so many bytes a second.
     pub fn set_rate(&mut self, bytes_s: f64) {
         self.bytes_s = bytes_s;
@@ -52,10 +57,29 @@ impl Allowance {
     }
 }
 
+/// What is said at a desk.
+#[derive(Clone, Debug)]
+pub enum Said {
+    /// A message of the dialect.
+    Message(MavMessage),
+    /// COMMAND_ACK with its MAV_RESULT: the command may be one that the dialect does not have.
+    Ack(Command, u8),
+}
+
+impl Said {
+    /// Appends its frame.
+    pub fn encode(&self, encoder: &mut Encoder, bytes: &mut Vec<u8>) {
+        match self {
+            Self::Message(message) => encoder.encode(message, bytes),
+            Self::Ack(command, result) => encoder.encode_ack(command, *result, bytes),
+        }
+    }
+}
+
 /// One end of a link at which requests are answered.
 #[derive(Debug, Default)]
 pub struct Desk {
-    waiting: VecDeque<MavMessage>,
+    waiting: VecDeque<Said>,
     /// Next entry of the list of parameters that was asked for.
     listing: Option<u16>,
     text_id: u16,
@@ -65,8 +89,17 @@ pub struct Desk {
 impl Desk {
     /// Says this when its turn comes.
     pub fn say(&mut self, message: MavMessage) {
+        self.queue(Said::Message(message));
+    }
+
+    /// Answers a command with a MAV_RESULT.
+    pub fn acknowledge(&mut self, command: &Command, result: u8) {
+        self.queue(Said::Ack(*command, result));
+    }
+
+    fn queue(&mut self, said: Said) {
         if self.waiting.len() < QUEUE {
-            self.waiting.push_back(message);
+            self.waiting.push_back(said);
         } else {
             self.dropped += 1;
         }
@@ -74,10 +107,15 @@ impl Desk {
 
     /// Says a text, in pieces where it is long.
     pub fn tell(&mut self, severity: Severity, text: &str) {
-        self.text_id = self.text_id.wrapping_add(1);
-        for piece in status_text(severity, text, self.text_id) {
+        for piece in self.pieces(severity, text) {
             self.say(piece);
         }
+    }
+
+    /// A text in pieces, for whoever says it out of turn.
+    pub fn pieces(&mut self, severity: Severity, text: &str) -> Vec<MavMessage> {
+        self.text_id = self.text_id.wrapping_add(1);
+        status_text(severity, text, self.text_id)
     }
 
     /// Begins the list of parameters, or begins it again.
@@ -86,14 +124,14 @@ impl Desk {
     }
 
     /// What is to be sent next. `parameter` gives an entry of the list, `None` behind its end.
-    pub fn next(&mut self, parameter: impl FnOnce(u16) -> Option<MavMessage>) -> Option<MavMessage> {
-        if let Some(message) = self.waiting.pop_front() {
-            return Some(message);
+    pub fn next(&mut self, parameter: impl FnOnce(u16) -> Option<MavMessage>) -> Option<Said> {
+        if let Some(said) = self.waiting.pop_front() {
+            return Some(said);
         }
         let index = self.listing?;
         let message = parameter(index);
         self.listing = message.is_some().then_some(index + 1);
-        message
+        message.map(Said::Message)
     }
 
     /// Messages that found no room.
@@ -136,8 +174,8 @@ mod tests {
         let entry = |i: u16| (i < 3).then(|| crate::mavlink::parameter_value("X", f64::from(i), i, 3));
         let said: Vec<_> = std::iter::from_fn(|| desk.next(entry)).collect();
         assert_eq!(said.len(), 4);
-        assert!(matches!(said[0], MavMessage::HEARTBEAT(_)));
-        assert!(matches!(&said[3], MavMessage::PARAM_VALUE(data) if data.param_index == 2));
+        assert!(matches!(said[0], Said::Message(MavMessage::HEARTBEAT(_))));
+        assert!(matches!(&said[3], Said::Message(MavMessage::PARAM_VALUE(data)) if data.param_index == 2));
     }
 
     #[test]

@@ -13,14 +13,15 @@ use hopbench::simulation::Flight;
 use hopbench::simulation::report::GroundReport;
 use hopbench::time::SimTime;
 
-use crate::desk::{Allowance, Desk};
+use crate::desk::{Allowance, Desk, Said};
 use crate::link::{Link, Notice};
 use crate::mavlink::telemetry::{
     PLANT_ARRAY_ID, Sensor, attitude, extended_state, global_position, local_position, plant_array,
     system_status, vehicle_heartbeat,
 };
-use crate::mavlink::{Address, Command, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
-use crate::stream::Timer;
+use crate::mavlink::{Address, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
+use crate::profile::frame_bytes;
+use crate::stream::{Refusal, Timer};
 
 /// Who the bench is to a ground station.
 pub const GROUND_ADDRESS: Address = Address { system: 250, component: 1 };
@@ -30,12 +31,19 @@ const QUEUE: usize = 256;
 const DATAGRAM_BYTES: usize = 1200;
 /// Share of a serial line that is used.
 const SHARE: f64 = 0.9;
-/// Least interval that may be asked for (us).
-const LEAST_US: u64 = 4_000;
+/// STATUSTEXT
+const STATUSTEXT_ID: u32 = 253;
 
-/// Telemetry and how often it comes by default (us). The plant's floats come last: they need the most room.
-const TELEMETRY: [(u32, u64); 6] =
-    [(31, 100_000), (32, 100_000), (33, 100_000), (245, 500_000), (1, 1_000_000), (PLANT_ARRAY_ID, 100_000)];
+/// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come last: they
+/// need the most room.
+const TELEMETRY: [(u32, u64, f64); 6] = [
+    (31, 100_000, 60.0),
+    (32, 100_000, 40.0),
+    (33, 100_000, 40.0),
+    (245, 500_000, 14.0),
+    (1, 1_000_000, 55.0),
+    (PLANT_ARRAY_ID, 100_000, frame_bytes::DEBUG_FLOAT_ARRAY),
+];
 
 /// The link and who speaks on it.
 pub struct Ground {
@@ -48,7 +56,9 @@ pub struct Ground {
     heartbeat: Timer,
     banner: Timer,
     telemetry: [(u32, Option<Timer>); TELEMETRY.len()],
-    from_fc: VecDeque<Vec<u8>>,
+    /// After a text of the flight controller, which does not say that it is of a simulation.
+    contradiction: Timer,
+    from_fc: VecDeque<(u32, Vec<u8>)>,
     out: Vec<u8>,
     counts: GroundReport,
 }
@@ -87,7 +97,8 @@ impl Ground {
             allowance: baud.map_or_else(Allowance::socket, |baud| Allowance::new(bytes_s(baud))),
             heartbeat: Timer::every_us(1_000_000),
             banner: Timer::every_us(10_000_000),
-            telemetry: TELEMETRY.map(|(id, interval_us)| (id, Some(Timer::every_us(interval_us)))),
+            contradiction: Timer::every_us(1_000_000),
+            telemetry: TELEMETRY.map(|(id, interval_us, _)| (id, Some(Timer::every_us(interval_us)))),
             from_fc: VecDeque::new(),
             out: Vec::with_capacity(2 * DATAGRAM_BYTES),
             counts: GroundReport::default(),
@@ -141,24 +152,36 @@ impl Ground {
             return;
         }
         if self.from_fc.len() < QUEUE {
-            self.from_fc.push_back(raw.to_vec());
+            self.from_fc.push_back((message_id, raw.to_vec()));
         } else {
             self.counts.dropped += 1;
         }
     }
 
-    /// How often a message comes (us): `None` never, 0 its default. Whether that is in the bench's hand.
-    pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> bool {
-        let default_us = TELEMETRY.iter().find(|(id, _)| *id == message_id).map(|(_, us)| *us);
-        let place = self.telemetry.iter_mut().find(|(id, _)| *id == message_id);
-        let (Some(default_us), Some((_, timer))) = (default_us, place) else { return false };
-        *timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us.max(LEAST_US) }));
-        true
+    /// How often a message comes (us): `None` never, 0 its default. More than the line carries is not taken.
+    ///
+    /// # Errors
+    /// When the message's rate is not in the bench's hand, or does not fit the line.
+    pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> Result<(), Refusal> {
+        let place = TELEMETRY.iter().position(|(id, ..)| *id == message_id).ok_or(Refusal::NotInHand)?;
+        let default_us = TELEMETRY[place].1;
+        let timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us }));
+        let before = std::mem::replace(&mut self.telemetry[place].1, timer);
+        let bytes_s = |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2);
+        let (taken_bytes_s, left_bytes_s) = (self.telemetry_bytes_s(), self.allowance.bytes_s());
+        // What asks for less always fits.
+        if bytes_s(timer) > bytes_s(before) && taken_bytes_s > left_bytes_s {
+            self.telemetry[place].1 = before;
+            return Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s });
+        }
+        Ok(())
     }
 
-    /// COMMAND_ACK; small, and somebody waits for it.
-    pub fn acknowledge(&mut self, command: &Command, result: u8) {
-        self.encoder.encode_ack(command, result, &mut self.out);
+    /// Bytes a second of heartbeat and telemetry.
+    fn telemetry_bytes_s(&self) -> f64 {
+        let each = self.telemetry.iter().zip(TELEMETRY);
+        let asked: f64 = each.map(|((_, timer), (.., bytes))| timer.map_or(0.0, |t| t.hz() * bytes)).sum();
+        asked + frame_bytes::HEARTBEAT
     }
 
     /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
@@ -173,26 +196,29 @@ impl Ground {
             self.put(&vehicle_heartbeat(view.is_armed));
         }
         if self.banner.fires(now) {
-            let text =
-                format!("SIMULATED: {} on a test bench, no vehicle flies", view.flight.scenario().name);
-            self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &text);
+            self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight));
         }
         while self.allowance.is_open(now_ns)
-            && let Some(message) = self.desk.next(&parameter)
+            && let Some(said) = self.desk.next(&parameter)
         {
-            self.put(&message);
+            self.put_said(&said);
         }
         let last = self.telemetry.len() - 1;
         for i in 0..last {
             self.report(i, now_ns, view);
         }
         while self.allowance.is_open(now_ns)
-            && let Some(raw) = self.from_fc.pop_front()
+            && let Some((id, raw)) = self.from_fc.pop_front()
         {
             self.room_for(raw.len());
             self.allowance.spend(raw.len());
             self.out.extend_from_slice(&raw);
             self.counts.forwarded_from_fc += 1;
+            if id == STATUSTEXT_ID && self.contradiction.fires(now) {
+                for piece in self.desk.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
+                    self.put(&piece);
+                }
+            }
         }
         self.report(last, now_ns, view);
         self.flush();
@@ -219,9 +245,13 @@ impl Ground {
     }
 
     fn put(&mut self, message: &MavMessage) {
+        self.put_said(&Said::Message(message.clone()));
+    }
+
+    fn put_said(&mut self, said: &Said) {
         self.room_for(280);
         let before = self.out.len();
-        self.encoder.encode(message, &mut self.out);
+        said.encode(&mut self.encoder, &mut self.out);
         self.allowance.spend(self.out.len() - before);
     }
 
@@ -257,6 +287,11 @@ impl Ground {
             ..self.counts.clone()
         }
     }
+}
+
+/// What every ground station has to know.
+fn banner(flight: &Flight) -> String {
+    format!("SIMULATED: {} on a test bench, no vehicle flies", flight.scenario().name)
 }
 
 /// Sensors in which a fault acts.

@@ -28,8 +28,11 @@ const SERIAL_QUEUE_BYTES: usize = 4 * 1024;
 const REFUSAL_SILENCE: Duration = Duration::from_secs(1);
 /// Strangers that are told apart.
 const STRANGERS: usize = 16;
-/// A `udp-listen` peer silent for this long gives way to whoever writes next.
-const PEER_SILENCE: Duration = Duration::from_secs(1);
+/// A `udp-listen` peer silent for this long gives way to whoever writes next, unless it is kept.
+const PEER_SILENCE: Duration = Duration::from_secs(5);
+
+/// A TCP peer that acknowledges nothing for this long is gone. The kernel counts keepalive in whole seconds.
+const TCP_SILENCE: Duration = Duration::from_secs(2);
 
 /// Where the other end is: the `LINK` of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,6 +105,16 @@ pub enum Notice {
     Refused(String),
 }
 
+/// Whether a silent `udp-listen` peer may give way to somebody else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hold {
+    /// Never: a vehicle is in its hands, or simulated time stands.
+    Kept,
+    /// After a while of silence.
+    #[default]
+    Free,
+}
+
 /// What a link has moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -122,6 +135,7 @@ pub struct Counters {
 pub struct Link {
     transport: Transport,
     address: String,
+    hold: Hold,
     /// Bytes a stream has not taken yet.
     queue: Vec<u8>,
     notices: Vec<Notice>,
@@ -309,6 +323,7 @@ impl Link {
         Self {
             transport,
             address,
+            hold: Hold::default(),
             queue: Vec::new(),
             notices: Vec::new(),
             strangers: Strangers::default(),
@@ -336,6 +351,11 @@ impl Link {
             Transport::TcpListen { stream, .. } | Transport::TcpDial { stream, .. } => stream.is_some(),
             Transport::Pipe { stream, ready, .. } => stream.is_some() && *ready,
         }
+    }
+
+    /// Whether a `udp-listen` peer is kept however silent it is. Other links know whether theirs is there.
+    pub fn keep_peer(&mut self, hold: Hold) {
+        self.hold = hold;
     }
 
     /// What has been moved so far.
@@ -482,7 +502,7 @@ impl Link {
                 };
                 let now = Instant::now();
                 if *peer != Some(from) {
-                    let free = *listens && (peer.is_none() || now - *heard > PEER_SILENCE);
+                    let free = *listens && (peer.is_none() || (self.hold == Hold::Free && now - *heard > PEER_SILENCE));
                     if !free {
                         self.counters.refused += 1;
                         if self.strangers.is_news(from) {
@@ -549,10 +569,17 @@ impl Link {
     }
 }
 
-/// Small frames must not wait for the acknowledgement of the one before.
+/// Small frames must not wait for the acknowledgement of the one before, and a host that is gone without a word
+/// (unplugged, crashed) must not hold the connection: what is sent to it is given up, and it is asked when idle.
 fn prepare(stream: &TcpStream) -> io::Result<()> {
+    use rustix::net::sockopt;
     stream.set_nonblocking(true)?;
-    stream.set_nodelay(true)
+    stream.set_nodelay(true)?;
+    sockopt::set_tcp_user_timeout(stream, TCP_SILENCE.as_millis() as u32)?;
+    sockopt::set_tcp_keepidle(stream, TCP_SILENCE / 2)?;
+    sockopt::set_tcp_keepintvl(stream, TCP_SILENCE / 2)?;
+    sockopt::set_tcp_keepcnt(stream, 1)?;
+    Ok(sockopt::set_socket_keepalive(stream, true)?)
 }
 
 /// A thread that dials until somebody answers, then again whenever it is asked to.

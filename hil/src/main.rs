@@ -33,6 +33,7 @@ const TO_TRY: &str = "Three commands to try:
   hopbench fly scenarios/hop_50m.toml                 the same hop in memory, as fast as possible
   hopbench engine scenarios/vehicles/reference.toml --thrust-n 650   one steady point of the engine
 
+No `hopbench` on the PATH? `cargo install --path hil --locked`, or `cargo run --release --` in its place.
 `hopbench --help` lists everything.
 ";
 

@@ -111,15 +111,18 @@ pub const GENERIC: Profile = Profile {
 /// Every profile.
 pub const PROFILES: [&Profile; 3] = [&PX4_SITL, &PX4_HITL, &GENERIC];
 
+/// PX4 in software dials 4560 and its instance's number.
+const PX4_PORTS: std::ops::RangeInclusive<u16> = 4560..=4569;
+
 /// The profile of that name.
 pub fn named(name: &str) -> Option<&'static Profile> {
     PROFILES.into_iter().find(|profile| profile.name == name)
 }
 
-/// The profile of a link when none is named: PX4 in software dials port 4560, serial is a PX4 board.
+/// The profile of a link when none is named: PX4 in software dials port 4560 plus its instance, serial is a PX4 board.
 pub fn default_for(link: &LinkSpec) -> &'static Profile {
     match link {
-        LinkSpec::TcpListen(host) if host.port == 4560 => &PX4_SITL,
+        LinkSpec::TcpListen(host) if PX4_PORTS.contains(&host.port) => &PX4_SITL,
         LinkSpec::Serial { .. } => &PX4_HITL,
         _ => &GENERIC,
     }
@@ -285,7 +288,9 @@ mod tests {
     fn the_link_chooses_the_profile() {
         for (link, name) in [
             ("tcp-listen:127.0.0.1:4560", "px4-sitl"),
-            ("tcp-listen:4561", "generic"),
+            ("tcp-listen:4569", "px4-sitl"),
+            ("tcp-listen:4570", "generic"),
+            ("tcp-listen:4559", "generic"),
             ("serial:/dev/ttyACM0:921600", "px4-hitl"),
             ("udp-listen:127.0.0.1:14555", "generic"),
         ] {

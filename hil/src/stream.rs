@@ -7,12 +7,13 @@ use hopbench::plant::Snapshot;
 use hopbench::signal::Measurement;
 use hopbench::time::SimTime;
 
+use crate::desk::Said;
 use crate::mavlink::measurement::{
     TrueState, distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry,
     pressure, reset_mark,
 };
 use crate::mavlink::telemetry::{PLANT_ARRAY_ID, plant_array};
-use crate::mavlink::{Address, Command, Encoder, MavMessage, heartbeat, reboot, system_time};
+use crate::mavlink::{Address, Encoder, MavMessage, heartbeat, reboot, system_time};
 use crate::profile::{Heartbeat, Profile, frame_bytes};
 
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
@@ -80,7 +81,8 @@ impl Timer {
         true
     }
 
-    fn hz(&self) -> f64 {
+    /// How often it is due (Hz).
+    pub fn hz(&self) -> f64 {
         1e6 / self.interval_us as f64
     }
 }
@@ -171,16 +173,11 @@ impl Streams {
         self.put(&reset_mark(now.us()));
     }
 
-    /// Any other message; its length on the wire.
-    pub fn put_service(&mut self, message: &MavMessage) -> usize {
+    /// Anything else that is said; its length on the wire.
+    pub fn put_service(&mut self, said: &Said) -> usize {
         let before = self.bytes.len();
-        self.put(message);
+        said.encode(&mut self.encoder, &mut self.bytes);
         self.bytes.len() - before
-    }
-
-    /// COMMAND_ACK
-    pub fn put_ack(&mut self, command: &Command, result: u8) {
-        self.encoder.encode_ack(command, result, &mut self.bytes);
     }
 
     /// A frame of somebody else, as it came.

@@ -30,6 +30,9 @@ use report::{Handover, MassBalance, Propellant, Timing, Verdict};
 /// States are hashed at this interval [steps].
 const HASH_EVERY: u64 = 100;
 
+/// Changes from outside that are kept with their words; what comes on top is counted.
+pub const MODIFIED_KEPT: usize = 100;
+
 /// One flight of one scenario under one seed.
 pub struct Flight {
     scenario: Scenario,
@@ -43,6 +46,7 @@ pub struct Flight {
     /// Events that the faults have heard of.
     heard: usize,
     modified: Vec<String>,
+    modified_count: usize,
     autopilot: Autopilot,
     referee: Referee,
     measurement: Option<Measurement>,
@@ -165,6 +169,7 @@ impl Flight {
             faults: Faults::new(&scenario.file.fault, u64::from(seed)),
             heard: 0,
             modified: Vec::new(),
+            modified_count: 0,
             measurement: None,
             initial: snapshot,
             snapshot,
@@ -196,16 +201,11 @@ impl Flight {
         Ok(fresh)
     }
 
-    /// Ends this flight's place in the process: its report is kept, and it is at step 0 again.
-    ///
-    /// # Errors
-    /// As [`Flight::new`]; then nothing has changed.
-    pub fn begin_again(&mut self, seed: u32, fc_must_fly: bool) -> Result<(), Invalid> {
-        let mut fresh = self.again(seed)?;
+    /// Ends this flight's place in the process: its report is kept, and `fresh`, which [`Flight::again`] set up, begins.
+    pub fn begin_again(&mut self, mut fresh: Self, fc_must_fly: bool) {
         fresh.earlier = std::mem::take(&mut self.earlier);
         fresh.earlier.push(self.report(fc_must_fly));
         *self = fresh;
-        Ok(())
     }
 
     /// Reports of the flights that came before this one in the process.
@@ -345,12 +345,16 @@ impl Flight {
     }
 
     /// Notes that something was changed from outside: the run is no longer its scenario's.
+    /// Beyond the first [`MODIFIED_KEPT`] they are only counted, so that somebody who sends without end fills no memory.
     pub fn note_modified(&mut self, what: &str) {
-        self.modified.push(format!("{:.3} s: {what}", self.plant.time().s()));
-        self.event("modified", what.to_owned());
+        self.modified_count += 1;
+        if self.modified.len() < MODIFIED_KEPT {
+            self.modified.push(format!("{:.3} s: {what}", self.plant.time().s()));
+            self.event("modified", what.to_owned());
+        }
     }
 
-    /// What was changed from outside so far.
+    /// What was changed from outside so far, the first of it.
     pub fn modified(&self) -> &[String] {
         &self.modified
     }
@@ -577,6 +581,8 @@ impl Flight {
         });
         let mut hash = self.hash;
         hash.state(self.plant.state());
+        let more = self.modified_count - self.modified.len();
+        let more = (more > 0).then(|| format!("and {more} more"));
         let mut report = Report {
             scenario: self.scenario.name.clone(),
             seed: self.seed,
@@ -609,7 +615,8 @@ impl Flight {
             state_hash: format!("{:016x}", hash.0),
             run: None,
             overrides: Vec::new(),
-            modified: self.modified.clone(),
+            modified: self.modified.iter().cloned().chain(more).collect(),
+            modified_count: self.modified_count,
             faults_idle: self.faults.idle().map(Fault::name).collect(),
             flights: self.earlier.clone(),
             ground: None,

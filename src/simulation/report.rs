@@ -48,9 +48,13 @@ pub struct Report {
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
-    /// What was changed from outside while it flew, in order; such a run is not its scenario's.
+    /// What was changed from outside while it flew, in order; such a run is not its scenario's. The first
+    /// hundred changes, and then how many more there were.
     #[serde(default)]
     pub modified: Vec<String>,
+    /// How many changes that were.
+    #[serde(default)]
+    pub modified_count: usize,
     /// Names of the scenario's faults that never began; absent when all did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults_idle: Vec<String>,
@@ -447,7 +451,16 @@ pub struct Event {
     pub detail: String,
 }
 
+/// Name of the event of a flight that was not over when a reset ended it.
+pub const CUT_SHORT: &str = "cut_short";
+
 impl Report {
+    /// Whether somebody cut it short while nothing had gone wrong: then its verdict says nothing.
+    pub fn is_excused(&self) -> bool {
+        let has = |is: fn(&str) -> bool| self.events.iter().any(|event| is(&event.name));
+        has(|name| name == CUT_SHORT) && !has(|name| name.starts_with("abort:"))
+    }
+
     /// Judges the report by `[expect]`. `fc_must_fly`: an outside flight controller was attached and
     /// no fallback is expected, so anybody else's flight fails.
     pub fn judge(&mut self, expect: &Expect, flight_time_s: Option<f64>, fc_must_fly: bool) {

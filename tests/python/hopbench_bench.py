@@ -140,7 +140,7 @@ class Bench:
         command += ["--out", self.folder / "run"]
         command += ["--fc", link] if link else []
         command += ["--profile", self.profile] if self.profile else []
-        if link and (self.profile == "px4-hitl" or (self.profile is None and self.fc == "serial")):
+        if self.fc == "serial" or (link and self.profile == "px4-hitl"):
             command += ["--igniter-disconnected"]  # a script has no igniter
         command += {None: [], True: ["--lockstep"], False: ["--realtime"]}[self.lockstep]
         command += ["--fast"] if self.fast else []

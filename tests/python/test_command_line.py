@@ -101,6 +101,10 @@ def test_a_real_board_needs_the_word_that_its_igniter_is_disconnected():
     # Refused before the port is opened: there is none.
     result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "serial:/dev/no-such-tty:921600", "--json")
     assert result.code == 2 and "--igniter-disconnected" in result.stderr
+    # A board may hang at a serial port whatever its profile.
+    for profile in ("generic", "px4-sitl"):
+        result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "serial:/dev/no-such-tty:921600", "--profile", profile, "--json")
+        assert result.code == 2 and "--igniter-disconnected" in result.stderr, profile
     result = run_hopbench("hil", scenario_path("hover_5m"), "--fc", "udp-listen:0", "--profile", "px4-hitl", "--json")
     assert result.code == 2 and "--igniter-disconnected" in result.stderr
 
@@ -161,3 +165,18 @@ def test_a_wrong_vehicle_set_names_its_line(line, named, tmp_path):
     assert result.code == 2
     for words in named:
         assert words in result.stderr, result.stderr
+
+
+def test_the_mission_script_says_what_it_needs(tmp_path):
+    (tmp_path / "pymavlink.py").write_text("raise ImportError('No module named pymavlink')\n")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    script = ROOT / "tools" / "px4_mission.py"
+    done = subprocess.run([sys.executable, script, "--help"], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "pip install pymavlink" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", [["doctor"], ["check", "scenarios/hover_5m.toml"], ["engine", "scenarios/vehicles/reference.toml"]])
+def test_out_is_refused_where_nothing_is_left(command, tmp_path):
+    result = run_hopbench(*command, "--out", tmp_path / "run")
+    assert result.code == 2 and "--out" in result.stderr
+    assert not (tmp_path / "run").exists()

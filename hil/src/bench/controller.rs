@@ -201,6 +201,7 @@ impl Bench<'_> {
         self.fc.next_silence_ns = None;
         self.fc.armed = armed;
         self.fc.ever_armed |= armed;
+        self.hold_peer();
         self.fc.command = Some(command);
         if self.stage == Stage::Fallback {
             return;

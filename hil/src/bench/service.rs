@@ -19,7 +19,8 @@ use std::collections::VecDeque;
 use hopbench::fault::{Component, Fault, Mode, Row};
 use hopbench::scenario::Outcome;
 use hopbench::signal::ActuatorCommand;
-use hopbench::simulation::Source;
+use hopbench::simulation::report::CUT_SHORT;
+use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
 use super::controller::FlightController;
@@ -29,7 +30,7 @@ use crate::desk::{Allowance, Desk};
 use crate::disruption::Disruption;
 use crate::failure::{Failure, failure};
 use crate::ground::{FromGround, GROUND_ADDRESS, View};
-use crate::link::Notice;
+use crate::link::{Hold, Notice};
 use crate::mavlink::{
     Command, FromFc, GUIDED_ENABLE, INJECT_FAILURE, MavMessage, PAUSE_CONTINUE, REBOOT, RESULT_ACCEPTED,
     RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL, Severity, Which, parameter_value,
@@ -45,6 +46,8 @@ const QUEUE: usize = 64;
 const STATUS_TEXT_ID: u32 = 253;
 /// Without a sample for this long, services no longer wait for one.
 const QUIET: SimTime = SimTime::from_us(40_000);
+/// No message comes oftener when it is asked for (us): a sample is 4 ms at the usual 250 Hz.
+const LEAST_INTERVAL_US: u64 = 4_000;
 /// After a reset, answers to the flight before are not obeyed for this long (ns).
 const STALE_NS: u64 = 200_000_000;
 
@@ -90,7 +93,8 @@ pub(super) struct Services {
     paused: bool,
     steps: u64,
     next_seed: Option<u32>,
-    reset_asked: bool,
+    /// The flight that somebody has asked for and that could be set up.
+    fresh: Option<Box<Flight>>,
     /// Added to the time of the flight, so that time on the wire never goes back.
     offset: SimTime,
     /// Until this wall time answers to the flight before are not obeyed.
@@ -111,15 +115,15 @@ impl Services {
             paused: false,
             steps: 0,
             next_seed: None,
-            reset_asked: false,
+            fresh: None,
             offset: SimTime::ZERO,
             stale_ns: 0,
         }
     }
 
     /// Whether somebody has asked for a new flight since.
-    pub(super) fn begins_again(&mut self) -> bool {
-        std::mem::take(&mut self.reset_asked)
+    pub(super) fn begins_again(&self) -> bool {
+        self.fresh.is_some()
     }
 
     /// Whether simulated time stands until somebody lets it go on; a step that was asked for is taken off.
@@ -233,8 +237,15 @@ impl Bench<'_> {
         self.clock.go_on(now_us, now_us);
     }
 
+    /// Nobody takes the place of a controller that has a vehicle in its hands or waits while time stands.
+    pub(super) fn hold_peer(&mut self) {
+        let flies = self.fc.armed && self.stage != Stage::Fallback;
+        self.link.keep_peer(if flies || self.services.paused { Hold::Kept } else { Hold::Free });
+    }
+
     /// Begins a new flight.
     pub(super) fn begin_again(&mut self) {
+        let Some(fresh) = self.services.fresh.take() else { return };
         let flown = self.flight.time();
         if let Some(handover) = self.hands.unfinished() {
             self.flight.note_handover(handover);
@@ -242,14 +253,12 @@ impl Bench<'_> {
         self.flight.event("reset", "a new flight begins".to_owned());
         self.tell_events();
         if self.flight.outcome().is_none() {
+            self.flight.event(CUT_SHORT, "ended by the reset".to_owned());
             self.flight.end(Outcome::Aborted);
         }
         let fc_must_fly = self.options.source == Source::Fc && !self.scenario.file.fallback_expected;
-        let seed = self.services.next_seed.unwrap_or_else(|| self.flight.seed());
-        if let Err(fault) = self.flight.begin_again(seed, fc_must_fly) {
-            self.live.notice(format!("no new flight: {fault}"));
-            return;
-        }
+        let seed = fresh.seed();
+        self.flight.begin_again(*fresh, fc_must_fly);
         self.live.notice(format!("reset: flight {} begins, seed {seed}", self.flight.earlier().len() + 1));
         // A sample's place on the wire passes: the mark of the new flight takes it.
         let services = &mut self.services;
@@ -272,6 +281,7 @@ impl Bench<'_> {
             self.stage = Stage::Pad;
         }
         self.command = ActuatorCommand::SAFE;
+        self.hold_peer();
         self.hands = Hands::default();
         self.sampled = SimTime::ZERO;
         if let Some(planner) = &mut self.planner {
@@ -362,10 +372,8 @@ impl Bench<'_> {
                 result
             }
         };
-        match (port, &mut self.ground) {
-            (Port::Fc, _) => self.streams.put_ack(command, result),
-            (Port::Ground, Some(ground)) => ground.acknowledge(command, result),
-            (Port::Ground, None) => {}
+        if let Some(desk) = self.desk(port) {
+            desk.acknowledge(command, result);
         }
     }
 
@@ -413,17 +421,23 @@ impl Bench<'_> {
         // `as` saturates and turns NaN into 0.
         let interval = if interval_us < 0.0 { None } else { Some(interval_us as u64) };
         let id = message as u32;
+        if (1..LEAST_INTERVAL_US).contains(&interval.unwrap_or(0)) {
+            return denied(format!("the least interval is {LEAST_INTERVAL_US} us"));
+        }
         let none = || unsupported(format!("the rate of message {message} is not in the bench's hand"));
+        let refused = |answer: Result<(), Refusal>| match answer {
+            Ok(()) => Ok(()),
+            Err(Refusal::NotInHand) => none(),
+            Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s }) => {
+                denied(format!("{taken_bytes_s:.0} byte/s would be taken, the line has {left_bytes_s:.0}"))
+            }
+        };
         if id as f32 != message {
             return none();
         }
         match (port, &mut self.ground) {
             (Port::Ground, Some(ground)) => {
-                if ground.set_interval(id, interval) {
-                    Ok(())
-                } else {
-                    none()
-                }
+                refused(ground.set_interval(id, interval))
             }
             (Port::Fc, _) if id == STATUS_TEXT_ID && self.options.profile.answers => {
                 self.services.tells_events = interval.is_some();
@@ -440,10 +454,7 @@ impl Bench<'_> {
                         }
                         Ok(())
                     }
-                    Err(Refusal::NotInHand) => none(),
-                    Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s }) => denied(format!(
-                        "{taken_bytes_s:.0} byte/s would be taken, the line has {left_bytes_s:.0}"
-                    )),
+                    refusal => refused(refusal),
                 }
             }
         }
@@ -496,7 +507,11 @@ impl Bench<'_> {
             let Parameter { name, least, greatest, unit, .. } = parameter;
             return denied(format!("{name} {value}: allowed {least} to {greatest} ({unit})"));
         }
-        let request = match parameter.what {
+        let what = parameter.what;
+        if self.is_in_force(&what, value) {
+            return Ok(());
+        }
+        let request = match what {
             What::Speed => Request::Speed(value),
             What::Pause if value == 0.0 => Request::Resume,
             What::Pause => Request::Pause,
@@ -514,6 +529,16 @@ impl Bench<'_> {
         self.carry_out(request)
     }
 
+    /// Whether a parameter has this value already: then setting it changes nothing, and marks nothing.
+    fn is_in_force(&self, what: &What, value: f64) -> bool {
+        match what {
+            What::Step | What::Reset => false,
+            // 0 is said both of one that does not act and of one that acts with 0; an ended flight answers for itself.
+            What::Fault(_) if value == 0.0 || self.flight.outcome().is_some() => false,
+            _ => value == self.value(what),
+        }
+    }
+
     /// The one place where a request has its effect.
     fn carry_out(&mut self, request: Request) -> Answer {
         match request {
@@ -521,14 +546,18 @@ impl Bench<'_> {
                 if self.fc.armed && !self.options.profile.resets_armed {
                     return denied("no reset while the flight controller is armed");
                 }
-                self.services.reset_asked = true;
+                let seed = self.services.next_seed.unwrap_or_else(|| self.flight.seed());
+                let fresh = self.flight.again(seed).or_else(|fault| denied(format!("no new flight: {fault}")))?;
+                self.services.fresh = Some(Box::new(fresh));
             }
             Request::Pause if !self.services.paused => {
                 (self.services.paused, self.services.steps) = (true, 0);
+                self.hold_peer();
                 self.modified("paused");
             }
             Request::Resume if self.services.paused => {
                 self.services.paused = false;
+                self.hold_peer();
                 self.modified("resumed");
             }
             Request::Pause | Request::Resume => {}
@@ -541,6 +570,9 @@ impl Bench<'_> {
             }
             Request::Seed(seed) => self.services.next_seed = Some(seed),
             Request::GiveBack => self.give_back().or_else(denied)?,
+            Request::Break(_) | Request::Mend(..) if self.flight.outcome().is_some() => {
+                return denied("the flight has ended: reset first");
+            }
             Request::Break(faults) => {
                 for fault in &faults {
                     fault.validate().or_else(|fault| denied(fault.to_string()))?;
@@ -584,7 +616,7 @@ impl Bench<'_> {
             What::Speed => self.clock.speed(),
             What::Pause => f64::from(u8::from(self.services.paused)),
             What::Step => self.services.steps as f64,
-            What::Reset => f64::from(u8::from(self.services.reset_asked)),
+            What::Reset => f64::from(u8::from(self.services.fresh.is_some())),
             What::Seed => f64::from(self.services.next_seed.unwrap_or_else(|| self.flight.seed())),
             What::WindNorth => interference.wind_ned_m_s.x,
             What::WindEast => interference.wind_ned_m_s.y,

@@ -15,7 +15,7 @@ use hopbench::scenario::Scenario;
 use hopbench::simulation::{Instrumentation, outfit};
 use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, hil, print_json, wrong};
+use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json};
 use crate::bench::scale;
 use crate::link::{Link, LinkSpec};
 use crate::load;
@@ -38,10 +38,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
-    if common.out.is_some() {
-        let message = "the bench at the other end keeps the run: give it --out".to_owned();
-        return Err(wrong("--out", message).into());
-    }
+    leaves_nothing(common, "the bench at the other end keeps the run: give it --out")?;
     let scenario = load::scenario(&args.scenario, &common.set, None)?;
     let profile = profile::named(&args.profile).unwrap_or(&profile::GENERIC);
     let instruments = Instrumentation { imu_rate_hz: None, gnss_delay_s: profile.gnss_delay_s };

@@ -13,7 +13,7 @@ use hopbench::simulation::Flight;
 use hopbench::vehicle::VehicleFile;
 use serde_json::json;
 
-use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use super::{Common, DONE, UNEXPECTED, leaves_nothing, print_json, print_text};
 use crate::campaign::Campaign;
 use crate::load::{self, Kind};
 
@@ -35,6 +35,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    leaves_nothing(common, "redirect what it prints")?;
     let document = load::document(&args.file)?;
     let kind = load::kind(&document)?;
     let schema = match kind {

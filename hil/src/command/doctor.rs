@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, hil, print_json, print_text};
+use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json, print_text};
 use crate::doctor::{Account, Finding, Observation, Severity};
 use crate::doctor::{diagnose, diagnose_machine, listen, machine, mapped};
 use crate::link::{Link, LinkSpec};
@@ -36,6 +36,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    leaves_nothing(common, "redirect what it prints")?;
     let (heading, findings) = match &args.fc {
         None => ("this machine".to_owned(), diagnose_machine(&machine::look())),
         Some(spec) => {

@@ -9,7 +9,7 @@ use hopbench::input::InputError;
 use hopbench::propulsion::{EngineCondition, Guess};
 use hopbench::vehicle::Vehicle;
 
-use super::{Common, DONE, check, print_json, print_text, wrong};
+use super::{Common, DONE, check, leaves_nothing, print_json, print_text, wrong};
 use crate::load;
 use crate::report::RunFolder;
 use crate::throttle_map::{Point, ThrottleMap};
@@ -53,6 +53,9 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64, InputErr
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
+    if !args.sweep {
+        leaves_nothing(common, "add --sweep, or redirect what it prints")?;
+    }
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;
     let engine = &vehicle.engine;
     let grain = engine.grain();

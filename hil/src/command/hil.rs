@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use hopbench::input::InputError;
-use hopbench::scenario::{Outcome, Scenario};
+use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
@@ -64,7 +64,7 @@ pub struct Args {
     /// Measure a bare sleep and a bare echo beside the run
     #[arg(long)]
     pub references: bool,
-    /// I have disconnected the igniter and the oxidiser; px4-hitl asks for it, since a real board may fire real outputs
+    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real board may fire real outputs
     #[arg(long)]
     pub igniter_disconnected: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens
@@ -171,7 +171,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.overrides = common.set.clone();
     report.ground = ground.as_ref().map(Ground::figures);
     // A flight that somebody cut short is judged too, but its verdict is not the run's.
-    let others_passed = report.flights.iter().all(|f| f.expect.passed || f.outcome == Outcome::Aborted);
+    let others_passed = report.flights.iter().all(|flight| flight.expect.passed || flight.is_excused());
     // The verdict is printed whatever becomes of the disk.
     let kept = folder.write(&mut report).and_then(|()| {
         let bench =
@@ -224,12 +224,14 @@ fn chosen_pacing(args: &Args, profile: &Profile) -> Result<Pacing, InputError> {
 
 /// Nobody but the person at the bench knows what hangs on a board's outputs.
 fn check_interlock(args: &Args, profile: &Profile) -> Result<(), InputError> {
-    if args.fc.is_none() || !profile.needs_hil_flag || args.igniter_disconnected {
+    let Some(link) = &args.fc else { return Ok(()) };
+    let is_board = profile.needs_hil_flag || matches!(link, LinkSpec::Serial { .. });
+    if !is_board || args.igniter_disconnected {
         return Ok(());
     }
     let reason = format!(
-        "profile {} arms a real board whose outputs may be live: disconnect the igniter and the oxidiser, then \
-         say so with --igniter-disconnected",
+        "{link}, profile {}: a real board is armed, and its outputs may be live: disconnect the igniter and the \
+         oxidiser, then say so with --igniter-disconnected",
         profile.name
     );
     Err(wrong("--igniter-disconnected", reason))

@@ -56,6 +56,14 @@ fn wrong(key: &str, message: String) -> InputError {
     }
 }
 
+/// `--out` for a command that leaves nothing is a mistake, and not passed over.
+fn leaves_nothing(common: &Common, instead: &str) -> Result<(), InputError> {
+    match &common.out {
+        Some(_) => Err(wrong("--out", format!("this leaves no files: {instead}"))),
+        None => Ok(()),
+    }
+}
+
 /// Writes one JSON object to stdout.
 pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print_text(&(serde_json::to_string_pretty(value)? + "\n"))
