@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
-use hopbench_hil::link::{Link, LinkSpec, Notice};
+use hopbench_hil::link::{Hold, Link, LinkSpec, Notice};
 use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, FromFc, actuator_controls};
 
 /// Two ends of one kind of link; the second is what the peer holds.
@@ -276,6 +276,27 @@ fn nested_heads_of_unknown_messages_cost_no_time() {
     // A million bytes are a hundred thousand candidates of 258 bytes each: 26 million steps of the checksum,
     // a fraction of a second. One checksum for each of the 256 seeds would take ten seconds and more.
     assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_silent_peer_gives_way_late_and_never_while_it_is_kept() {
+    let (mut near, mut far) = ends("udp");
+    introduce(&mut near, &mut far);
+    let address = near.address().trim_start_matches("udp-listen:").to_owned();
+    let stranger = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let mut knock = |near: &mut Link| {
+        near.take_notices();
+        stranger.send_to(b"me", &address).unwrap();
+        near.wait(Instant::now() + Duration::from_secs(2));
+        near.receive(&mut Vec::new());
+        near.take_notices()
+    };
+    assert!(matches!(knock(&mut near)[..], [Notice::Refused(_)]));
+    near.keep_peer(Hold::Kept);
+    std::thread::sleep(Duration::from_millis(5_200));
+    assert!(matches!(knock(&mut near)[..], [Notice::Refused(_)]));
+    near.keep_peer(Hold::Free);
+    assert!(matches!(knock(&mut near)[..], [Notice::Connected(_)]));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hopbench::fault::{Component, Mode, catalogue};
-use hopbench::simulation::{Flight, Instrumentation, Report};
+use hopbench::simulation::{Flight, Instrumentation, MODIFIED_KEPT, Report};
 use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::ground::{GROUND_ADDRESS, Ground};
 use hopbench_hil::link::Link;
@@ -18,6 +18,7 @@ use hopbench_hil::mavlink::telemetry::PLANT_FLOATS;
 use hopbench_hil::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
 use hopbench_hil::parameter::parameters;
 use hopbench_hil::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
+use hopbench_hil::stream::Refusal;
 use mavlink::dialects::common as dialect;
 
 use peer::{Fc, Then, lockstep, run, scenario};
@@ -242,6 +243,32 @@ fn after_a_reset_time_goes_on_and_the_flight_begins_anew() {
     assert_eq!(report.flights.len(), 2);
     assert!(report.modified.is_empty() && !report.flights[0].modified.is_empty());
     assert!(report.flights.iter().all(|flight| flight.events.iter().any(|event| event.name == "reset")));
+    // Cut short by the reset; one that had given up before would not be excused, nor is one that nobody cut short.
+    let mut flown = report.flights[0].clone();
+    assert!(report.flights.iter().all(Report::is_excused) && !report.is_excused());
+    flown.events[0].name = "abort:tilt".to_owned();
+    assert!(!flown.is_excused());
+}
+
+#[test]
+fn what_is_in_force_changes_nothing_and_a_flood_of_changes_is_counted() {
+    let report = run(&scenario(PATIENT), patient(), |fc| {
+        fc.idle_until(40_000);
+        for _ in 0..3 {
+            assert_eq!(set_and_read(fc, "SIM_SPEED", 1.0), 1.0);
+            assert_eq!(set_and_read(fc, "THRUST_BIAS", 0.1), 0.1f32);
+            assert_eq!(set_and_read(fc, "F_MAG_BIAS", 1e-5), 1e-5f32);
+        }
+        for i in 1..=MODIFIED_KEPT {
+            set_and_read(fc, "WIND_N", i as f32 * 0.125);
+        }
+        Then::Stop
+    });
+    // Two before the wind changed a hundred times.
+    assert_eq!(report.modified_count, MODIFIED_KEPT + 2, "{:?}", report.modified);
+    assert_eq!(report.modified.len(), MODIFIED_KEPT + 1);
+    assert_eq!(report.modified[MODIFIED_KEPT], "and 2 more");
+    assert_eq!(report.events.iter().filter(|event| event.name == "modified").count(), MODIFIED_KEPT);
 }
 
 /// The page of the bench names every float with its place.
@@ -275,6 +302,7 @@ fn a_reboot_for_everybody_is_not_the_bench_s() {
 fn the_plant_s_floats_come_when_asked_for() {
     run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
+        assert_eq!(ask(fc, dialect::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [350.0, 3_999.0, 0.0]), 2);
         assert_eq!(ask(fc, dialect::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [350.0, 100_000.0, 0.0]), 0);
         let floats = |m: &MavMessage| match m {
             MavMessage::DEBUG_FLOAT_ARRAY(data) => Some((data.time_usec, data.data)),
@@ -318,6 +346,30 @@ fn a_list_keeps_within_what_the_line_has_left() {
             "{:?} for {count}, at least {least_s} s",
             start.elapsed()
         );
+        Then::Stop
+    });
+}
+
+/// COMMAND_ACK is 22 bytes long, 10 of them payload.
+#[test]
+fn acknowledgements_keep_within_what_the_line_has_left() {
+    let rates = SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 };
+    let baud = ((GENERIC.bytes_per_s(&rates) + 2000.0) / 0.9 * 10.0) as u32;
+    let spare = GENERIC.spare_bytes_s(&rates, baud);
+    let options = Options { baud: Some(baud), pacing: Pacing::RealTime, fast: false, ..lockstep(&GENERIC) };
+    run(&scenario(PATIENT), options, |fc| {
+        fc.idle_until(40_000);
+        let (start, count) = (Instant::now(), 60);
+        let never = command(FC_SIDE, dialect::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [115.0, -1.0, 0.0]);
+        (0..count).for_each(|_| fc.send(&never));
+        let mut answered = 0;
+        idle_until(fc, |message| {
+            answered += usize::from(matches!(message, MavMessage::COMMAND_ACK(_)));
+            (answered == count).then_some(())
+        });
+        // Less a frame and a burst.
+        let least_s = (count as f64 * 22.0 - 50.0) / spare;
+        assert!(start.elapsed().as_secs_f64() > least_s, "{:?}, at least {least_s} s", start.elapsed());
         Then::Stop
     });
 }
@@ -478,6 +530,40 @@ fn frames_pass_both_ways_as_they_came_and_hil_messages_never() {
     });
     let ground = report.ground.unwrap();
     assert!(ground.forwarded_to_fc >= 2 && ground.forwarded_from_fc >= 2, "{ground:?}");
+}
+
+#[test]
+fn a_text_of_the_flight_controller_is_contradicted_at_once() {
+    watched(lockstep(&GENERIC), |fc, station| {
+        until(fc, station, |s| !s.frames.is_empty());
+        let text = dialect::STATUSTEXT_DATA { text: "Armed by command".into(), ..Default::default() };
+        fc.send(&MavMessage::STATUSTEXT(text));
+        until(fc, station, |s| {
+            let said = s.messages.iter().position(
+                |(_, m)| matches!(m, MavMessage::STATUSTEXT(t) if t.text.to_str() == Ok("Armed by command")),
+            );
+            let Some((sender, next)) = said.and_then(|place| s.messages.get(place + 1)) else { return false };
+            let MavMessage::STATUSTEXT(next) = next else { panic!("{next:?} between text and banner") };
+            assert!(*sender == GROUND_SIDE && next.text.to_str().unwrap().starts_with("SIMULATED"));
+            true
+        });
+    });
+}
+
+/// 9600 baud carry 960 byte/s, 90 % of which are 864; attitude alone would take 60 bytes 250 times a second.
+#[test]
+fn a_slow_ground_line_takes_no_more_than_it_carries() {
+    let mut ground = Ground::new(Link::pair().unwrap().0, Some(9600));
+    assert!(matches!(
+        ground.set_interval(31, Some(4_000)),
+        Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s: 864.0 }) if taken_bytes_s > 15_000.0
+    ));
+    assert_eq!(ground.set_interval(350, None), Ok(()));
+    assert_eq!(ground.set_interval(31, Some(1_000_000)), Ok(()));
+    // Heartbeat, 32, 245 and 1 take 21 + 400 + 28 + 55: 360 are left, which is six of 60.
+    assert_eq!(ground.set_interval(33, None), Ok(()));
+    assert_eq!(ground.set_interval(31, Some(200_000)), Ok(()));
+    assert_eq!(ground.set_interval(107, None), Err(Refusal::NotInHand));
 }
 
 #[test]

@@ -1,5 +1,8 @@
 """The bench as a program: exit codes, ready file, overrides, and the run with nothing attached."""
 
+import os
+import subprocess
+import sys
 import time
 
 import pytest
