@@ -283,12 +283,23 @@ fn sensor_garbage() {
             _ if two_sided => faulty.iter().filter_map(|m| reading(component, m)).flatten().collect(),
             _ => faulty.iter().filter_map(|m| Some(reading(component, m)?[0])).collect(),
         };
-        let least = if two_sided { -most } else { 0.0 };
+        // An altimeter reports no range under its least.
+        let limits = sound.iter().find_map(|m| m.altimeter).unwrap();
+        let (least, most) = match component {
+            Component::Altimeter => (limits.minimum_m, most.min(limits.maximum_m)),
+            _ if two_sided => (-most, most),
+            _ => (0.0, most),
+        };
         assert!(readings.iter().all(|&x| x >= 1.01 * least && x <= 1.01 * most), "{component:?}");
         // Uniform: the mean lies in the middle, within five of its standard deviations.
-        let (n, width) = (readings.len() as f64, most - least);
-        let off = readings.iter().sum::<f64>() / n - 0.5 * (least + most);
+        let (n, width, middle) = (readings.len() as f64, most - least, 0.5 * (least + most));
+        let off = readings.iter().sum::<f64>() / n - middle;
         assert!(n > 95.0 && off.abs() < 5.0 * width / (12.0 * n).sqrt(), "{component:?}: {off} of {width}");
+        // Its variance about the middle is width²/12; the fourth moment is width⁴/80, so the square of a deviate has
+        // the variance (1/80 - 1/144) width⁴ = width⁴/180, sqrt(0.8) of its mean. 1.2 % for the sphere, as for noise.
+        let variance = readings.iter().map(|x| (x - middle) * (x - middle)).sum::<f64>() / n;
+        let share = variance / (width * width / 12.0);
+        assert!((share - 1.0).abs() < 5.0 * (0.8 / n).sqrt() + 0.012, "{component:?}: variance {share}");
     }
 }
 
@@ -433,9 +444,13 @@ fn fixes_that_jump_are_refused() {
         duration_s: Some(2.0),
         ..Fault::new(Component::Gnss, Mode::Jump)
     };
-    let (mut astray, mut worst_m) = (0, 0.0_f64);
+    let (mut astray, mut worst_m, mut pad_m) = (0, 0.0_f64, None);
     let flight = flown(&hover(vec![jump]), |f| {
-        astray += u32::from(f.faults().count() == 1 && f.measurement().is_some_and(|m| m.gnss.is_some()));
+        if let Some(fix_m) = f.measurement().and_then(|m| reading(Component::Gnss, m)) {
+            // North of the first fix, which came on the pad; the wander is metres.
+            let north_m = fix_m[0] - *pad_m.get_or_insert(fix_m[0]);
+            astray += u32::from((north_m - f.snapshot().position_ned_m.x).abs() > 50.0);
+        }
         let off = f.estimate().position_ned_m - f.snapshot().position_ned_m;
         worst_m = worst_m.max(libm::hypot(off.x, off.y));
     });

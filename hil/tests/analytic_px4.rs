@@ -9,7 +9,7 @@ use hopbench_hil::load;
 use hopbench_hil::px4::budget::{self, Hop};
 use hopbench_hil::px4::files;
 use hopbench_hil::px4::parameters::{Parameter, Value};
-use hopbench_hil::px4::tuning::{RATE_BANDWIDTH_RAD_S, Tuning};
+use hopbench_hil::px4::tuning::{DIFFERENTIAL_CUTOFF_HZ, RATE_BANDWIDTH_RAD_S, Tuning};
 use hopbench_hil::px4::{Airframe, Lander, Swinging, airframe};
 
 const HOP: Hop = Hop { height_m: 10.0, hold_s: 8.0 };
@@ -251,6 +251,54 @@ fn what_px4_cannot_serve_is_refused_by_name() {
     }
     let fault = airframe(&vehicle("reference", &[]), &Hop { hold_s: 120.0, ..HOP }).unwrap_err();
     assert!(fault.key == "--hold-s" && fault.message.contains("allowed a hover up to"), "{}", fault.message);
+}
+
+/// What PX4 v1.16 documents for the values that are chosen: 3 is land for lost radio control, 4 for lost offboard.
+#[test]
+fn failsafes_do_what_their_reasons_say() {
+    let made = made("reference", &[]);
+    for (name, meanings) in [
+        ("COM_OBL_RC_ACT", "position altitude stabilized return land hold terminate disarm"),
+        ("NAV_RCL_ACT", "- hold return land - terminate disarm"),
+        ("NAV_DLL_ACT", "on hold return land - terminate disarm"),
+        ("COM_LOW_BAT_ACT", "warn - land return"),
+        ("MPC_YAW_MODE", "waypoint home away trajectory first fixed"),
+        ("COM_RC_IN_MODE", "radio MAVLink either first off"),
+    ] {
+        for list in [&made.sitl, &made.hitl] {
+            let parameter = list.iter().find(|p| p.name == name).unwrap();
+            let Value::Integer(value) = parameter.value else { panic!("{name} is an integer") };
+            let meaning = meanings.split(' ').nth(usize::try_from(value).unwrap()).unwrap();
+            let mut words = parameter.why.split(|c: char| !c.is_alphabetic());
+            assert!(words.any(|word| word == meaning), "{name} {value} is {meaning}, not {}", parameter.why);
+        }
+    }
+    // Bits for mission, hold, offboard, in this order.
+    assert_eq!(real(&made.sitl, "COM_RCL_EXCEPT"), 7.0);
+    // The filter with which the gain margin is computed.
+    assert_eq!(real(&made.sitl, "IMU_DGYRO_CUTOFF"), DIFFERENTIAL_CUTOFF_HZ);
+}
+
+#[test]
+fn slivers_between_ports_are_no_fuel() {
+    let set = ["vehicle.engine.grain.port_count=3", "vehicle.engine.grain.port_radius_m=0.012"];
+    let three = vehicle("reference", &set);
+    let fault = airframe(&three, &HOP).unwrap_err();
+    assert_eq!(fault.key, "--hold-s");
+    assert!(fault.message.contains("burnt through at a port radius of 0.0294 m in the leg"), "{}", fault.message);
+
+    // A wider grain flies: what burns is the difference of the ports' areas at the start and as they meet.
+    let three = vehicle("reference", &[set[0], set[1], "vehicle.engine.grain.outer_radius_m=0.09"]);
+    let low = budget::spend(&three, &Hop { height_m: 2.0, hold_s: 0.0 }).unwrap();
+    let grain = three.engine.grain();
+    let meet_m = 0.5 * grain.outer_radius_m * libm::sin(std::f64::consts::FRAC_PI_3);
+    let area_m2 = 3.0 * std::f64::consts::PI * (meet_m * meet_m - 0.012 * 0.012);
+    close(low.fuel_kg, grain.fuel_density_kg_m3 * grain.length_m * area_m2, 1e-9);
+    assert_eq!(low.burnt_through_in(), None);
+    // One port leaves no slivers.
+    let one = vehicle("reference", &[]);
+    let fresh_kg = one.engine.grain().fuel_kg(one.engine.grain().port_radius_m);
+    close(made("reference", &[]).budget.fuel_kg, fresh_kg, 1e-12);
 }
 
 #[test]

@@ -67,7 +67,7 @@ pub struct Budget {
     pub nitrous_usable_kg: f64,
     /// Share of it that is left.
     pub nitrous_left_fraction: f64,
-    /// Fuel at the start (kg).
+    /// Fuel at the start that can burn, without the slivers between several ports (kg).
     pub fuel_kg: f64,
     /// Share of it that is left.
     pub fuel_left_fraction: f64,
@@ -142,15 +142,33 @@ pub fn spend(vehicle: &Vehicle, hop: &Hop) -> Result<Budget, Invalid> {
         }
         last = Some(budget);
     }
-    let longest_s = last.map_or(0.0, |budget| budget.longest_hold_s);
+    let longest_s = last.as_ref().map_or(0.0, |budget| budget.longest_hold_s);
+    let burnt_through = last.and_then(|budget| budget.burnt_through_in()).map_or_else(String::new, |leg| {
+        let radius_m = vehicle.engine.grain().burn_through_radius_m();
+        format!("; the grain is burnt through at a port radius of {radius_m:.4} m in the leg \"{leg}\"")
+    });
+    let allowed = if longest_s > 0.0 {
+        format!("allowed a hover up to {longest_s:.1} s, or a lower hop")
+    } else {
+        "allowed a lower hop".to_owned()
+    };
     let message = format!(
-        "a hop to {} m with {} s of hover leaves less than {RESERVE_FRACTION} of nitrous oxide or fuel at any pace; \
-         allowed a hover up to {:.1} s, or a lower hop",
-        hop.height_m,
-        hop.hold_s,
-        longest_s.max(0.0)
+        "a hop to {} m with {} s of hover leaves less than {RESERVE_FRACTION} of nitrous oxide or fuel at any \
+         pace{burnt_through}; {allowed}",
+        hop.height_m, hop.hold_s
     );
     Err(Invalid::new("--hold-s", message))
+}
+
+impl Budget {
+    /// The leg in which the last fuel that can burn is gone, if one does that.
+    pub fn burnt_through_in(&self) -> Option<&'static str> {
+        let mut left_kg = self.fuel_kg;
+        self.legs.iter().find_map(|leg| {
+            left_kg -= leg.fuel_kg;
+            (left_kg <= 0.0).then_some(leg.name)
+        })
+    }
 }
 
 /// Durations of the parts, by PX4's limits.
@@ -196,7 +214,10 @@ fn at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
     let tuning = Tuning::of(&Lander::of(vehicle, &full(vehicle)));
     let ignition_s = vehicle.engine_parameters.ignition.rise_time_constant_s;
     let nitrous_usable_kg = (vehicle.initial_nitrous_kg() - vehicle.tank.unusable_nitrous_kg).max(0.0);
-    let fuel_kg = grain.fuel_kg(grain.port_radius_m);
+    let burn_through_m = grain.burn_through_radius_m();
+    let fuel_kg = grain.fuel_kg(grain.port_radius_m) - grain.fuel_kg(burn_through_m);
+    // A hair of web: without any the engine would count as cold.
+    let last_web_m = burn_through_m * (1.0 - 1e-9);
 
     let mut now = full(vehicle);
     let mut at_hover = now;
@@ -212,12 +233,13 @@ fn at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
             let condition = EngineCondition::burning(now.port_radius_m, throat_m, vehicle.site.pressure_pa);
             let weight_n = Lander::of(vehicle, &now).weight_n();
             let point = engine.inverse(&feed, weight_n, &condition, Guess::default()).point;
-            // What is asked for counts, there or not: the shortage is then a number.
+            // What is asked for counts, there or not, past burn-through at the last radius: the shortage is then a
+            // number.
             nitrous_used_kg += point.oxidizer_kg_s * step_s;
             fuel_used_kg += point.fuel_kg_s * step_s;
             let fuel_left_kg = (grain.fuel_kg(now.port_radius_m) - point.fuel_kg_s * step_s).max(0.0);
             let nitrous_kg = (now.nitrous_kg - point.oxidizer_kg_s * step_s).max(0.0);
-            now = contents(vehicle, nitrous_kg, grain.port_radius_of_fuel_m(fuel_left_kg));
+            now = contents(vehicle, nitrous_kg, grain.port_radius_of_fuel_m(fuel_left_kg).min(last_web_m));
         }
         legs.push(Leg { name, duration_s, nitrous_kg: nitrous_used_kg, fuel_kg: fuel_used_kg });
     }

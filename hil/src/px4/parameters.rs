@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::allocation::Outputs;
 use super::budget::{Budget, JERK_M_S3, TAKEOFF_RAMP_S, TAKEOFF_SPEED_M_S};
-use super::tuning::Tuning;
+use super::tuning::{DIFFERENTIAL_CUTOFF_HZ, Tuning};
 use super::{Lander, Target};
 use crate::profile::{PX4_HITL, PX4_SITL};
 
@@ -220,6 +220,7 @@ fn gyro_filter(tuning: &Tuning, list: &mut List) {
         ),
     };
     list.real("IMU_GYRO_CUTOFF", tuning.gyro_cutoff_hz, why);
+    list.real("IMU_DGYRO_CUTOFF", DIFFERENTIAL_CUTOFF_HZ, "Hz; PX4's own, with which the gain margin is computed");
 }
 
 fn thrust_and_velocity(facts: &Facts<'_>, list: &mut List) {
@@ -318,14 +319,14 @@ fn failsafes(list: &mut List) {
         "s without a ground station; times the speed factor when faster than real time",
     );
     list.integer("NAV_DLL_ACT", 0, "and go on: a hop is shorter than a return");
-    list.integer("NAV_RCL_ACT", 2, "without radio control land, outside the modes of COM_RCL_EXCEPT");
+    list.integer("NAV_RCL_ACT", 3, "without radio control land, outside the modes of COM_RCL_EXCEPT");
     list.integer("COM_RCL_EXCEPT", 7, "mission, hold and offboard need no radio control");
     list.real("COM_FAIL_ACT_T", 1.0, "s of hover before a failsafe acts: PX4's 5 are propellant");
     list.integer("COM_LOW_BAT_ACT", 0, "warn: PX4 makes the battery up");
 }
 
 fn sitl(list: &mut List) {
-    list.integer("COM_RC_IN_MODE", 1, "no radio control is there");
+    list.integer("COM_RC_IN_MODE", 1, "sticks by MAVLink alone: no radio control is there");
 }
 
 fn hitl(list: &mut List) {
@@ -336,7 +337,7 @@ fn hitl(list: &mut List) {
         "B/s: half of the baud rate over ten. PX4's 1200 is under the 5000 below which it sends no controls",
     );
     list.integer("SER_TEL1_BAUD", 921_600, "the bench's own; 115200 carries no 250 Hz");
-    list.integer("COM_RC_IN_MODE", 1, "no radio control is there");
+    list.integer("COM_RC_IN_MODE", 1, "sticks by MAVLink alone: no radio control is there");
     list.integer("COM_PREARM_MODE", 0, "no safety switch");
     list.integer("CBRK_IO_SAFETY", 22_027, "no safety switch");
     list.integer("CBRK_USB_CHK", 197_848, "arms on USB");

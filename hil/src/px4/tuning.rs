@@ -75,8 +75,8 @@ const GYRO_CUTOFFS_HZ: [f64; 4] = [40.0, 20.0, 10.0, 5.0];
 const PHASE_COST_RAD: f64 = 0.52;
 /// Delay of controller and link: one period of 4 ms, and half of one for which a command holds (s).
 const CONTROLLER_DELAY_S: f64 = 0.006;
-/// Cutoff of PX4's filter of the angular acceleration (Hz).
-const DIFFERENTIAL_CUTOFF_HZ: f64 = 30.0;
+/// Cutoff of PX4's first-order filter of the angular acceleration (Hz).
+pub const DIFFERENTIAL_CUTOFF_HZ: f64 = 30.0;
 /// Attitude, velocity and position gains that flew with that bandwidth (1/s).
 const ATTITUDE_1_S: f64 = 2.4;
 const VELOCITY_1_S: f64 = 1.0;
