@@ -284,7 +284,7 @@ fn a_silent_peer_gives_way_late_and_never_while_it_is_kept() {
     introduce(&mut near, &mut far);
     let address = near.address().trim_start_matches("udp-listen:").to_owned();
     let stranger = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-    let mut knock = |near: &mut Link| {
+    let knock = |near: &mut Link| {
         near.take_notices();
         stranger.send_to(b"me", &address).unwrap();
         near.wait(Instant::now() + Duration::from_secs(2));

@@ -256,6 +256,9 @@ impl Bench<'_> {
             self.flight.event(CUT_SHORT, "ended by the reset".to_owned());
             self.flight.end(Outcome::Aborted);
         }
+        // The answer to whoever asked, and how the flight ended, go before the mark of the new one.
+        self.serve();
+        self.flush();
         let fc_must_fly = self.options.source == Source::Fc && !self.scenario.file.fallback_expected;
         let seed = fresh.seed();
         self.flight.begin_again(*fresh, fc_must_fly);
