@@ -502,7 +502,8 @@ impl Link {
                 };
                 let now = Instant::now();
                 if *peer != Some(from) {
-                    let free = *listens && (peer.is_none() || (self.hold == Hold::Free && now - *heard > PEER_SILENCE));
+                    let free = *listens
+                        && (peer.is_none() || (self.hold == Hold::Free && now - *heard > PEER_SILENCE));
                     if !free {
                         self.counters.refused += 1;
                         if self.strangers.is_news(from) {

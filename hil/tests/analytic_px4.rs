@@ -285,7 +285,11 @@ fn slivers_between_ports_are_no_fuel() {
     let three = vehicle("reference", &set);
     let fault = airframe(&three, &HOP).unwrap_err();
     assert_eq!(fault.key, "--hold-s");
-    assert!(fault.message.contains("burnt through at a port radius of 0.0294 m in the leg"), "{}", fault.message);
+    assert!(
+        fault.message.contains("burnt through at a port radius of 0.0294 m in the leg"),
+        "{}",
+        fault.message
+    );
 
     // A wider grain flies: what burns is the difference of the ports' areas at the start and as they meet.
     let three = vehicle("reference", &[set[0], set[1], "vehicle.engine.grain.outer_radius_m=0.09"]);

@@ -306,7 +306,8 @@ impl Faults {
             match running.stage {
                 Stage::Pending(begin) if now.time >= begin => {
                     running.stage = Stage::Acting(fault.acting(now.time));
-                    (changed(fault, true), any = true);
+                    changed(fault, true);
+                    any = true;
                 }
                 Stage::Acting(Acting { since, .. })
                     if fault
@@ -314,7 +315,8 @@ impl Faults {
                         .is_some_and(|duration_s| now.time >= since + SimTime::from_s(duration_s)) =>
                 {
                     running.stage = Stage::Over;
-                    (changed(fault, false), any = true);
+                    changed(fault, false);
+                    any = true;
                 }
                 _ => {}
             }

@@ -59,9 +59,9 @@ impl Plant {
         if self.options.ideal_gimbal {
             let told = held.broken.gimbal_told_rad(gimbal);
             held.gimbal_command_rad = Vector2::from(told);
-            for axis in 0..2 {
+            for (axis, told_rad) in told.into_iter().enumerate() {
                 let servo = &held.broken.gimbal_servo[axis];
-                self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told[axis]);
+                self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told_rad);
                 held.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
             }
         } else {

@@ -165,6 +165,7 @@ impl Bench<'_> {
         self.live.notice(format!("FC lost on {}: {why}", self.link.address()));
         self.flight.event("fc_lost", why);
         self.stage = Stage::Fallback;
+        self.hold_peer();
         match self.scenario.file.on_fc_loss {
             OnFcLoss::Cut => {
                 self.watch_change(None);

@@ -439,9 +439,7 @@ impl Bench<'_> {
             return none();
         }
         match (port, &mut self.ground) {
-            (Port::Ground, Some(ground)) => {
-                refused(ground.set_interval(id, interval))
-            }
+            (Port::Ground, Some(ground)) => refused(ground.set_interval(id, interval)),
             (Port::Fc, _) if id == STATUS_TEXT_ID && self.options.profile.answers => {
                 self.services.tells_events = interval.is_some();
                 self.services.told = self.flight.events().len();
@@ -550,7 +548,8 @@ impl Bench<'_> {
                     return denied("no reset while the flight controller is armed");
                 }
                 let seed = self.services.next_seed.unwrap_or_else(|| self.flight.seed());
-                let fresh = self.flight.again(seed).or_else(|fault| denied(format!("no new flight: {fault}")))?;
+                let fresh =
+                    self.flight.again(seed).or_else(|fault| denied(format!("no new flight: {fault}")))?;
                 self.services.fresh = Some(Box::new(fresh));
             }
             Request::Pause if !self.services.paused => {

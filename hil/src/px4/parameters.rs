@@ -220,7 +220,11 @@ fn gyro_filter(tuning: &Tuning, list: &mut List) {
         ),
     };
     list.real("IMU_GYRO_CUTOFF", tuning.gyro_cutoff_hz, why);
-    list.real("IMU_DGYRO_CUTOFF", DIFFERENTIAL_CUTOFF_HZ, "Hz; PX4's own, with which the gain margin is computed");
+    list.real(
+        "IMU_DGYRO_CUTOFF",
+        DIFFERENTIAL_CUTOFF_HZ,
+        "Hz; PX4's own, with which the gain margin is computed",
+    );
 }
 
 fn thrust_and_velocity(facts: &Facts<'_>, list: &mut List) {
