@@ -61,7 +61,7 @@ impl Allowance {
 #[derive(Clone, Debug)]
 pub enum Said {
     /// A message of the dialect.
-    Message(MavMessage),
+    Message(Box<MavMessage>),
     /// COMMAND_ACK with its MAV_RESULT: the command may be one that the dialect does not have.
     Ack(Command, u8),
 }
@@ -89,7 +89,7 @@ pub struct Desk {
 impl Desk {
     /// Says this when its turn comes.
     pub fn say(&mut self, message: MavMessage) {
-        self.queue(Said::Message(message));
+        self.queue(Said::Message(Box::new(message)));
     }
 
     /// Answers a command with a MAV_RESULT.
@@ -131,7 +131,7 @@ impl Desk {
         let index = self.listing?;
         let message = parameter(index);
         self.listing = message.is_some().then_some(index + 1);
-        message.map(Said::Message)
+        message.map(|message| Said::Message(Box::new(message)))
     }
 
     /// Messages that found no room.
@@ -174,8 +174,9 @@ mod tests {
         let entry = |i: u16| (i < 3).then(|| crate::mavlink::parameter_value("X", f64::from(i), i, 3));
         let said: Vec<_> = std::iter::from_fn(|| desk.next(entry)).collect();
         assert_eq!(said.len(), 4);
-        assert!(matches!(said[0], Said::Message(MavMessage::HEARTBEAT(_))));
-        assert!(matches!(&said[3], Said::Message(MavMessage::PARAM_VALUE(data)) if data.param_index == 2));
+        assert!(matches!(&said[0], Said::Message(m) if matches!(**m, MavMessage::HEARTBEAT(_))));
+        let Said::Message(last) = &said[3] else { panic!("{:?}", said[3]) };
+        assert!(matches!(&**last, MavMessage::PARAM_VALUE(data) if data.param_index == 2));
     }
 
     #[test]

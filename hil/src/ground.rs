@@ -245,13 +245,17 @@ impl Ground {
     }
 
     fn put(&mut self, message: &MavMessage) {
-        self.put_said(&Said::Message(message.clone()));
+        self.put_with(|encoder, out| encoder.encode(message, out));
     }
 
     fn put_said(&mut self, said: &Said) {
+        self.put_with(|encoder, out| said.encode(encoder, out));
+    }
+
+    fn put_with(&mut self, encode: impl FnOnce(&mut Encoder, &mut Vec<u8>)) {
         self.room_for(280);
         let before = self.out.len();
-        said.encode(&mut self.encoder, &mut self.out);
+        encode(&mut self.encoder, &mut self.out);
         self.allowance.spend(self.out.len() - before);
     }
 
