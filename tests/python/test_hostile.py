@@ -94,11 +94,13 @@ def test_a_flood_in_real_time_does_not_stop_the_clock(bench):
     run, nasty = bench("hover_5m", fc="udp", lockstep=False), Fuzz(4)
     zeros(run, run.recv_sensor())
     piece, until_s, first_us = nasty.chance.randbytes(1400), time.monotonic() + 2.0, run.recv_sensor().time_usec
+    last_us = first_us
     while time.monotonic() < until_s:
         for _ in range(50):
             run.send_bytes(piece)
-        zeros(run, run.recv_sensor())
-    last_us = first_us
+        sensor = run.recv_sensor()
+        zeros(run, sensor)
+        last_us = sensor.time_usec
     while (message := run._poll()) is not None:  # what has come meanwhile
         last_us = message.time_usec if message.get_type() == "HIL_SENSOR" else last_us
     # Two seconds of flood; a busy machine may slow the pace, a flooded bench would stand still.
