@@ -138,9 +138,8 @@ impl Bench<'_> {
             let in_the_loop = beat.base_mode & MODE_HIL != 0;
             // A PX4 on a board keeps its outputs live until it is told otherwise, whatever the link; in software it has none.
             // Out of the loop it sends no HIL_ACTUATOR_CONTROLS: after the first a stray frame does not stop the flight.
-            self.fc.may_be_live |= self.options.profile.answers
-                && beat.autopilot == AUTOPILOT_PX4
-                && self.fc.first.is_none();
+            self.fc.may_be_live |=
+                self.options.profile.answers && beat.autopilot == AUTOPILOT_PX4 && self.fc.first.is_none();
             self.fc.left_the_loop = self.fc.may_be_live && !in_the_loop;
             self.fc.heartbeat = Some(in_the_loop);
         }
