@@ -93,6 +93,17 @@ fn value_of(message: &MavMessage, name: &str) -> Option<f32> {
     }
 }
 
+/// The value in force.
+fn read(fc: &mut Fc, name: &str) -> f32 {
+    fc.send(&MavMessage::PARAM_REQUEST_READ(dialect::PARAM_REQUEST_READ_DATA {
+        param_index: -1,
+        target_system: 1,
+        target_component: 200,
+        param_id: name.into(),
+    }));
+    idle_until(fc, |message| value_of(message, name))
+}
+
 fn set_and_read(fc: &mut Fc, name: &str, value: f32) -> f32 {
     fc.send(&set(FC_SIDE, name, value));
     idle_until(fc, |message| value_of(message, name))
@@ -142,14 +153,7 @@ fn every_parameter_is_listed_read_by_index_and_name_and_set() {
             }
             (seen.len() == all.len()).then_some(())
         });
-        let by_name = MavMessage::PARAM_REQUEST_READ(dialect::PARAM_REQUEST_READ_DATA {
-            param_index: -1,
-            target_system: 1,
-            target_component: 200,
-            param_id: "F_GYR_BIAS".into(),
-        });
-        fc.send(&by_name);
-        assert_eq!(idle_until(fc, |m| value_of(m, "F_GYR_BIAS")), 0.0);
+        assert_eq!(read(fc, "F_GYR_BIAS"), 0.0);
         // In force, out of range, out of force.
         assert_eq!(set_and_read(fc, "F_GYR_BIAS", 0.1), 0.1);
         assert_eq!(set_and_read(fc, "F_GYR_BIAS", 1e6), 0.1);
@@ -230,14 +234,7 @@ fn after_a_reset_time_goes_on_and_the_flight_begins_anew() {
         }
         // The scenario again, without what was injected.
         assert_eq!(set_and_read(fc, "F_MAG_OFF", 0.0), 0.0);
-        let read = MavMessage::PARAM_REQUEST_READ(dialect::PARAM_REQUEST_READ_DATA {
-            param_index: -1,
-            target_system: 1,
-            target_component: 200,
-            param_id: "F_BAR_OFF".into(),
-        });
-        fc.send(&read);
-        assert_eq!(idle_until(fc, |m| value_of(m, "F_BAR_OFF")), 0.0);
+        assert_eq!(read(fc, "F_BAR_OFF"), 0.0);
         Then::Stop
     });
     assert_eq!(report.flights.len(), 2);

@@ -1,6 +1,7 @@
 //! The true vehicle as telemetry: for people and scripts that watch a run, never for a flight controller to fly by.
 
 use hopbench::environment::geodesy::Datum;
+use hopbench::frame::heading_rad;
 use hopbench::plant::Snapshot;
 
 use super::measurement::{centi_i16, deg_e7};
@@ -199,8 +200,7 @@ pub fn local_position(now: &Snapshot, time_us: u64) -> MavMessage {
 pub fn global_position(now: &Snapshot, datum: &Datum, time_us: u64) -> MavMessage {
     let place = datum.geodetic(&now.position_ned_m);
     let v = now.velocity_ned_m_s;
-    let (_, _, heading_rad) = now.q_ned_from_body.euler_angles();
-    let heading_cdeg = (heading_rad.to_degrees().rem_euclid(360.0) * 100.0).round(); // rad -> cdeg
+    let heading_cdeg = (heading_rad(&now.q_ned_from_body).to_degrees().rem_euclid(360.0) * 100.0).round(); // rad -> cdeg
     MavMessage::GLOBAL_POSITION_INT(dialect::GLOBAL_POSITION_INT_DATA {
         time_boot_ms: milliseconds(time_us),
         lat: deg_e7(place.latitude_rad),
