@@ -8,10 +8,10 @@
 pub mod load;
 
 // Bytes.
+pub mod port;
+
 pub mod link;
 pub mod mavlink;
-pub mod port;
-mod serial;
 
 // What becomes of them on a bad wire.
 pub mod disruption;
@@ -38,10 +38,11 @@ pub mod ground;
 pub mod doctor;
 
 // The run.
+pub mod live;
+
 pub mod bench;
 pub mod certificate;
 pub mod drawing;
-pub mod live;
 pub mod pilot;
 pub mod report;
 pub mod throttle_map;

@@ -6,6 +6,8 @@
 //! thread in between costs two wake-ups per step; a serial port and the dialling of a TCP peer, which may
 //! block, live on threads of their own.
 
+mod serial;
+
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
 use std::os::unix::net::UnixStream;
@@ -15,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::{port, serial};
+use crate::port;
 
 /// Rates that serial hardware is made for: 12 Mbaud is the greatest of USB adapters. What a driver makes of
 /// a rate is asked when the port is open.

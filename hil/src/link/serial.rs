@@ -19,7 +19,7 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{SerialPort, SerialPortBuilderExt, SerialStream};
 
-use crate::link::OpenFailure;
+use super::OpenFailure;
 use crate::port;
 
 /// Bytes that may wait between the two threads: a tenth of a second at 921600 baud. What waits longer is
