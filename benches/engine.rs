@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use hopbench::propulsion::{
-    Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, Guess, PaperMode,
+    Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, PaperMode, WarmStart,
 };
 
 #[derive(serde::Deserialize)]
@@ -43,7 +43,7 @@ fn main() {
     let condition = EngineCondition::burning(0.035, 0.010, 101_325.0);
     for degrees in [8.0f64, 15.0, 21.0, 25.0, 28.9] {
         let area = engine.valve_area().area_m2(degrees.to_radians());
-        let mut guess = engine.operating_point(&feed, area, &condition, Guess::default()).guess;
+        let mut guess = engine.operating_point(&feed, area, &condition, WarmStart::default()).guess;
         let warm = ns_per_call(400, |i| {
             // The valve moves by 0.01 % between calls, as within a step of a brisk throttle.
             let area = area * (1.0 + 1e-4 * f64::from(i % 3));
@@ -53,13 +53,13 @@ fn main() {
             guess = engine.operating_point(&feed, black_box(area), &condition, guess).guess;
         });
         let cold = ns_per_call(200, |_| {
-            black_box(engine.operating_point(&feed, black_box(area), &condition, Guess::default()));
+            black_box(engine.operating_point(&feed, black_box(area), &condition, WarmStart::default()));
         });
         println!(
             "operating_point at {degrees:4.1} deg: moving {warm:6.0} ns, still {still:6.0} ns, cold {cold:6.0} ns"
         );
     }
-    let mut guess = Guess::default();
+    let mut guess = WarmStart::default();
     let inverse = ns_per_call(200, |i| {
         let inverse = engine.inverse(&feed, black_box(600.0 + 0.1 * f64::from(i % 7)), &condition, guess);
         guess = inverse.point.guess;

@@ -13,12 +13,12 @@ mod files;
 use std::hint::black_box;
 use std::time::Instant;
 
-use hopbench::autopilot::navigation::{Navigation, Standing};
+use hopbench::autopilot::navigation::{GroundState, Navigation};
 use hopbench::environment::Environment;
 use hopbench::integrator::rk4_step;
 use hopbench::plant::Plant;
 use hopbench::signal::Measurement;
-use hopbench::simulation::{Flight, Instrumentation, outfit};
+use hopbench::simulation::{Flight, Instrumentation, data_sheet};
 
 const STEPS: u32 = 8_000;
 const ROUNDS: usize = 9;
@@ -84,7 +84,7 @@ fn main() {
         })
         .collect();
     let environment = Environment::new(&hop.site, &hop.file.wind, 1).expect("the hop is sound");
-    let told = outfit::autopilot(&hop, &environment, &Instrumentation::default()).navigation;
+    let told = data_sheet::autopilot(&hop, &environment, &Instrumentation::default()).navigation;
     report(
         "navigation, prediction and updates",
         measurements.len(),
@@ -92,7 +92,7 @@ fn main() {
         |mut filter| {
             for measurement in &measurements {
                 if filter.is_aligned() {
-                    filter.step(black_box(measurement), Standing::No);
+                    filter.step(black_box(measurement), GroundState::No);
                 } else {
                     filter.align(measurement, 3.0);
                 }

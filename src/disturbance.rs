@@ -158,12 +158,12 @@ impl Effect {
 #[derive(Clone, Debug)]
 pub struct Disturbances {
     running: Vec<Running>,
-    standing: Option<Standing>,
+    standing: Option<ConstantDisturbance>,
 }
 
 /// What somebody at a bench has set, from then on and in no window; it is steady.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Standing {
+pub struct ConstantDisturbance {
     /// Thrust above or below what the engine model gives, as a share of it.
     pub thrust_bias: f64,
     /// Angles of the thrust line at zero gimbal (rad).
@@ -193,7 +193,7 @@ impl Disturbances {
     }
 
     /// From now on this acts too.
-    pub fn stand(&mut self, standing: Option<Standing>) {
+    pub fn stand(&mut self, standing: Option<ConstantDisturbance>) {
         self.standing = standing;
     }
 
@@ -285,7 +285,11 @@ mod tests {
     fn what_stands_acts_before_ignition_too_until_it_is_taken_away() {
         let mut all = Disturbances::new(&[], 1);
         let at = |all: &mut Disturbances| all.advance(1e-3, None, |_, _| {});
-        all.stand(Some(Standing { thrust_bias: -0.1, force_body_n: Vec3::x(), ..Default::default() }));
+        all.stand(Some(ConstantDisturbance {
+            thrust_bias: -0.1,
+            force_body_n: Vec3::x(),
+            ..Default::default()
+        }));
         let effect = at(&mut all);
         assert_eq!((effect.thrust_share, effect.force_body_n), (-0.1, Vec3::x()));
         all.stand(None);

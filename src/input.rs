@@ -43,12 +43,12 @@ pub struct InputError {
     /// The file, as the caller named it.
     pub file: String,
     /// What is wrong, in the order of the file.
-    pub faults: Vec<Fault>,
+    pub diagnostics: Vec<Diagnostic>,
 }
 
 /// One thing that is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct Diagnostic {
     /// Line of the key or of the nearest table above it; `None` for a value that is in no file.
     pub line: Option<usize>,
     /// Dotted path of the key.
@@ -59,18 +59,18 @@ pub struct Fault {
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, fault) in self.faults.iter().enumerate() {
+        for (i, diagnostic) in self.diagnostics.iter().enumerate() {
             if i > 0 {
                 writeln!(f)?;
             }
             write!(f, "{}:", self.file)?;
-            if let Some(line) = fault.line {
+            if let Some(line) = diagnostic.line {
                 write!(f, "{line}:")?;
             }
-            if !fault.key.is_empty() {
-                write!(f, " {}:", fault.key)?;
+            if !diagnostic.key.is_empty() {
+                write!(f, " {}:", diagnostic.key)?;
             }
-            write!(f, " {}", fault.message)?;
+            write!(f, " {}", diagnostic.message)?;
         }
         Ok(())
     }
@@ -108,7 +108,7 @@ impl Document {
             }),
             Err(e) => Err(InputError {
                 file: file.to_owned(),
-                faults: vec![Fault {
+                diagnostics: vec![Diagnostic {
                     line: e.span().map(|span| line_at(text, span.start)),
                     key: String::new(),
                     message: e.message().to_owned(),
@@ -148,23 +148,23 @@ impl Document {
     ) -> Result<(), InputError> {
         let value = parse_value(toml_value).map_err(|message| InputError {
             file: place.to_owned(),
-            faults: vec![Fault { line: None, key: given.to_owned(), message }],
+            diagnostics: vec![Diagnostic { line: None, key: given.to_owned(), message }],
         })?;
         self.put(place, given, key, value)
     }
 
     /// The same for a value that is not text.
     pub fn put(&mut self, place: &str, given: &str, key: &str, value: Value) -> Result<(), InputError> {
-        let fault = |message: String| InputError {
+        let diagnostic = |message: String| InputError {
             file: place.to_owned(),
-            faults: vec![Fault { line: None, key: given.to_owned(), message }],
+            diagnostics: vec![Diagnostic { line: None, key: given.to_owned(), message }],
         };
         let replaced = Override { key: key.to_owned(), given: format!("{place} {given}") };
         let mut at = &mut self.value;
         let mut parts = key.split('.').peekable();
         while let Some(part) = parts.next() {
             if part.is_empty() {
-                return Err(fault("an empty part in the dotted path".to_owned()));
+                return Err(diagnostic("an empty part in the dotted path".to_owned()));
             }
             let last = parts.peek().is_none();
             at = match at {
@@ -178,11 +178,10 @@ impl Document {
                 }
                 Value::Array(items) => {
                     let count = items.len();
-                    let item = part
-                        .parse::<usize>()
-                        .ok()
-                        .and_then(|i| items.get_mut(i))
-                        .ok_or_else(|| fault(format!("'{part}' is no index into {count} entries")))?;
+                    let item =
+                        part.parse::<usize>().ok().and_then(|i| items.get_mut(i)).ok_or_else(|| {
+                            diagnostic(format!("'{part}' is no index into {count} entries"))
+                        })?;
                     if last {
                         *item = value;
                         self.overrides.push(replaced);
@@ -190,7 +189,7 @@ impl Document {
                     }
                     item
                 }
-                _ => return Err(fault(format!("unknown key: '{part}' lies inside a plain value"))),
+                _ => return Err(diagnostic(format!("unknown key: '{part}' lies inside a plain value"))),
             };
         }
         Ok(())
@@ -199,10 +198,10 @@ impl Document {
     /// Checks the document against the schema of `T` and deserialises it.
     pub fn read<T: DeserializeOwned + JsonSchema>(&self) -> Result<T, InputError> {
         let schema = schemars::schema_for!(T);
-        let mut walk = Walk { root: schema.as_value(), faults: Vec::new() };
+        let mut walk = Walk { root: schema.as_value(), diagnostics: Vec::new() };
         walk.check(schema.as_value(), &self.value, "");
-        if !walk.faults.is_empty() {
-            return Err(self.error(walk.faults));
+        if !walk.diagnostics.is_empty() {
+            return Err(self.error(walk.diagnostics));
         }
         serde_path_to_error::deserialize(self.value.clone()).map_err(|e| {
             let key = e.path().to_string();
@@ -211,29 +210,29 @@ impl Document {
     }
 
     /// Faults found later, by a `validate`, with the lines of this document.
-    pub fn error(&self, faults: Vec<Invalid>) -> InputError {
-        let mut faults: Vec<Fault> = faults
+    pub fn error(&self, diagnostics: Vec<Invalid>) -> InputError {
+        let mut diagnostics: Vec<Diagnostic> = diagnostics
             .into_iter()
-            .map(|fault| {
+            .map(|diagnostic| {
                 // Array indices may come as `a[3].b`; lines are found by `a.3.b`.
-                let key = fault.key.replace('[', ".").replace(']', "");
+                let key = diagnostic.key.replace('[', ".").replace(']', "");
                 let by = self.overrides.iter().find(|o| {
                     o.key == key
                         || o.key.starts_with(&format!("{key}."))
                         || key.starts_with(&format!("{}.", o.key))
                 });
                 match by {
-                    Some(by) => Fault {
+                    Some(by) => Diagnostic {
                         line: None,
-                        message: format!("{} (given by {})", fault.message, by.given),
+                        message: format!("{} (given by {})", diagnostic.message, by.given),
                         key,
                     },
-                    None => Fault { line: self.line_of(&key), message: fault.message, key },
+                    None => Diagnostic { line: self.line_of(&key), message: diagnostic.message, key },
                 }
             })
             .collect();
-        faults.sort_by_key(|fault| fault.line);
-        InputError { file: self.file.clone(), faults }
+        diagnostics.sort_by_key(|diagnostic| diagnostic.line);
+        InputError { file: self.file.clone(), diagnostics }
     }
 
     /// File and line of the key at a path, or of the nearest table above it: `FILE:LINE`.
@@ -291,12 +290,12 @@ fn parse_value(text: &str) -> Result<Value, String> {
 /// The walk of a value beside the schema that `schemars` derives from our structs.
 struct Walk<'a> {
     root: &'a Json,
-    faults: Vec<Invalid>,
+    diagnostics: Vec<Invalid>,
 }
 
 impl<'a> Walk<'a> {
-    fn fault(&mut self, path: &str, message: String) {
-        self.faults.push(Invalid::new(path, message));
+    fn diagnostic(&mut self, path: &str, message: String) {
+        self.diagnostics.push(Invalid::new(path, message));
     }
 
     fn resolve(&self, schema: &'a Json) -> &'a Json {
@@ -321,18 +320,18 @@ impl<'a> Walk<'a> {
             Value::String(s) => {
                 if let Some(allowed) = schema.get("enum").and_then(Json::as_array) {
                     if !allowed.iter().any(|a| a.as_str() == Some(s)) {
-                        self.fault(path, format!("\"{s}\" is not allowed; one of {}", list(allowed)));
+                        self.diagnostic(path, format!("\"{s}\" is not allowed; one of {}", list(allowed)));
                     }
                 } else if !has_type(schema, "string") {
-                    self.fault(path, wrong_type(schema, "a string"));
+                    self.diagnostic(path, wrong_type(schema, "a string"));
                 }
             }
             Value::Boolean(_) => {
                 if !has_type(schema, "boolean") {
-                    self.fault(path, wrong_type(schema, "a boolean"));
+                    self.diagnostic(path, wrong_type(schema, "a boolean"));
                 }
             }
-            Value::Datetime(_) => self.fault(path, wrong_type(schema, "a date")),
+            Value::Datetime(_) => self.diagnostic(path, wrong_type(schema, "a date")),
         }
     }
 
@@ -351,24 +350,24 @@ impl<'a> Walk<'a> {
                 }
                 continue;
             }
-            let mut inner = Walk { root: self.root, faults: Vec::new() };
+            let mut inner = Walk { root: self.root, diagnostics: Vec::new() };
             inner.check(alternative, value, path);
-            if inner.faults.is_empty() {
+            if inner.diagnostics.is_empty() {
                 return;
             }
-            if best.as_ref().is_none_or(|b| inner.faults.len() < b.len()) {
-                best = Some(inner.faults);
+            if best.as_ref().is_none_or(|b| inner.diagnostics.len() < b.len()) {
+                best = Some(inner.diagnostics);
             }
         }
         match best {
-            Some(faults) => self.faults.extend(faults),
-            None => self.fault(path, format!("{value} is not allowed; one of {}", list(&constants))),
+            Some(diagnostics) => self.diagnostics.extend(diagnostics),
+            None => self.diagnostic(path, format!("{value} is not allowed; one of {}", list(&constants))),
         }
     }
 
     fn check_table(&mut self, schema: &'a Json, table: &toml::Table, path: &str) {
         if !has_type(schema, "object") {
-            self.fault(path, wrong_type(schema, "a table"));
+            self.diagnostic(path, wrong_type(schema, "a table"));
             return;
         }
         let join = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
@@ -381,7 +380,7 @@ impl<'a> Walk<'a> {
                     Some(Json::Bool(false)) => {
                         let known = properties.map(|p| p.keys().map(String::as_str).collect::<Vec<_>>());
                         let known = known.unwrap_or_default().join(", ");
-                        self.fault(&join(key), format!("unknown key; known here: {known}"));
+                        self.diagnostic(&join(key), format!("unknown key; known here: {known}"));
                     }
                     Some(inner @ Json::Object(_)) => self.check(inner, value, &join(key)),
                     _ => {}
@@ -390,14 +389,14 @@ impl<'a> Walk<'a> {
         }
         for key in schema.get("required").and_then(Json::as_array).into_iter().flatten() {
             if let Some(key) = key.as_str().filter(|key| !table.contains_key(*key)) {
-                self.fault(&join(key), "missing".to_owned());
+                self.diagnostic(&join(key), "missing".to_owned());
             }
         }
     }
 
     fn check_array(&mut self, schema: &'a Json, items: &[Value], path: &str) {
         if !has_type(schema, "array") {
-            self.fault(path, wrong_type(schema, "a list"));
+            self.diagnostic(path, wrong_type(schema, "a list"));
             return;
         }
         let count = |key: &str| schema.get(key).and_then(Json::as_u64).map(|n| n as usize);
@@ -410,7 +409,7 @@ impl<'a> Walk<'a> {
             } else {
                 format!("{least} to {most}")
             };
-            self.fault(path, format!("expected {expected} entries, got {}", items.len()));
+            self.diagnostic(path, format!("expected {expected} entries, got {}", items.len()));
             return;
         }
         let prefix = schema.get("prefixItems").and_then(Json::as_array);
@@ -424,7 +423,7 @@ impl<'a> Walk<'a> {
     fn check_number(&mut self, schema: &Json, outer: &Json, x: f64, whole: bool, path: &str) {
         if !(has_type(schema, "number") || whole && has_type(schema, "integer")) {
             let what = if whole { "a whole number" } else { "a number with a fraction" };
-            self.fault(path, wrong_type(schema, what));
+            self.diagnostic(path, wrong_type(schema, what));
             return;
         }
         // A bound may stand beside the reference to a shared definition.
@@ -433,7 +432,7 @@ impl<'a> Walk<'a> {
         let inside =
             x.is_finite() && least.is_none_or(|least| x >= least) && most.is_none_or(|most| x <= most);
         if !inside {
-            self.fault(path, format!("{x} is out of range; allowed {}", range(least, most)));
+            self.diagnostic(path, format!("{x} is out of range; allowed {}", range(least, most)));
         }
     }
 }
@@ -475,7 +474,7 @@ fn range(least: Option<f64>, most: Option<f64>) -> String {
 /// What a schema says of the key at a dotted path: description, type, range, default.
 pub fn explain(schema: &Schema, path: &str) -> Option<String> {
     let root = schema.as_value();
-    let walk = Walk { root, faults: Vec::new() };
+    let walk = Walk { root, diagnostics: Vec::new() };
     let mut outer = root;
     let mut node = root;
     for part in path.split('.') {

@@ -20,9 +20,9 @@ use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural}
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
     BottleModel, ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts,
-    FeedParameters, GasBalance, GasState, GasView, Isolation, ManifoldModel, NitrogenInventory,
+    FeedParameters, GasBalance, GasIngestion, GasState, GasView, Isolation, ManifoldModel, NitrogenInventory,
     NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl, Stores, StoresRate,
-    Tank, UllageModel, Uncovering, Vent, VentedGas, Withdrawal,
+    Tank, UllageModel, Vent, VentedGas, Withdrawal,
 };
 use crate::sensor::SensorParameters;
 
@@ -408,7 +408,7 @@ pub struct Vehicle {
     /// How that gas is modelled.
     pub gas_model: GasModel,
     /// How the tank's outlet uncovers, where gas may follow the liquid.
-    pub uncovering: Option<Uncovering>,
+    pub uncovering: Option<GasIngestion>,
     /// Servo of the throttle valve.
     pub valve_servo: Servo,
     /// Servo of either gimbal axis.
@@ -457,7 +457,7 @@ impl Vehicle {
         let uncovering = (file.engine.depletion.model == DepletionModel::TwoPhase).then(|| {
             let density = nitrous.density_kg_m3;
             let injector_m2 = file.feed.injector.effective_area_m2();
-            Uncovering::new(
+            GasIngestion::new(
                 tank.unusable_nitrous_kg,
                 density * file.feed.manifold.volume_m3,
                 // Liquid that does not boil, from the greatest pressure of the file into none.
@@ -549,7 +549,7 @@ impl Vehicle {
     }
 
     /// Takes the model choices of the seed paper, whatever the file says.
-    pub fn keep_to_the_paper(&mut self) {
+    pub fn apply_paper_models(&mut self) {
         self.slosh.model = SloshModel::OneWayPaper;
         self.slosh.hardening_law = HardeningLaw::PerAxis;
         self.slosh.second_mode = false;

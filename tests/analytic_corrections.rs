@@ -16,7 +16,7 @@ use hopbench::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassMod
 use hopbench::dynamics::slosh::SloshModel;
 use hopbench::fluid::Nitrous;
 use hopbench::frame::Vec3;
-use hopbench::propulsion::{CombustionMap, FeedMap, Guess, PairLevels};
+use hopbench::propulsion::{CombustionMap, FeedMap, PairLevels, WarmStart};
 
 const G0: f64 = 9.80665;
 
@@ -80,7 +80,7 @@ fn an_impulse_of_the_mixture_alone_asks_for_the_wrong_flow() {
     let condition = condition(35.0, 10.0);
     // Our nozzle's expansion of this throat, and both efficiencies, so that pressure is the only difference.
     for (thrust_n, percent) in [(250.0, -18.0), (1100.0, 2.5)] {
-        let ours = engine.inverse(&feed, thrust_n, &condition, Guess::default()).point.oxidizer_kg_s;
+        let ours = engine.inverse(&feed, thrust_n, &condition, WarmStart::default()).point.oxidizer_kg_s;
         let (mut low, mut high) = (0.01, 0.7);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
@@ -144,7 +144,7 @@ fn a_sweep_of_flows_misses_the_thrust_by_half_its_grid() {
     near(worst(0.001), 1.3, 0.1, "1 g/s grid, N");
     near(worst(0.010), 13.0, 1.0, "10 g/s grid, N");
     for thrust_n in [310.0, 547.3, 900.0] {
-        let found = engine.inverse(&feed, thrust_n, &condition, Guess::default()).point.thrust_n;
+        let found = engine.inverse(&feed, thrust_n, &condition, WarmStart::default()).point.thrust_n;
         assert!((found - thrust_n).abs() < 1e-6, "a bracketed root misses by {}", found - thrust_n);
     }
 }
@@ -174,7 +174,7 @@ fn a_back_pressure_below_the_critical_one_changes_nothing() {
     let n2o = Nitrous::tables();
     let condition = condition(35.0, 10.0);
     for (thrust_n, higher_bar) in [(300.0, 1.0), (1000.0, 3.0)] {
-        let point = engine.inverse(&feed, thrust_n, &condition, Guess::default()).point;
+        let point = engine.inverse(&feed, thrust_n, &condition, WarmStart::default()).point;
         let inlet = feed.inlet(point.injector_inlet_pa);
         assert!(point.chamber_pa < inlet.critical_pa, "the injector is choked");
         let unchoked = |inlet_pa: f64| {
@@ -216,7 +216,7 @@ fn a_back_pressure_below_the_critical_one_changes_nothing() {
 fn a_valve_taken_as_incompressible_is_too_small() {
     let (engine, feed) = (engine(), FeedMap::new(65e5, 290.0));
     for (thrust_n, percent) in [(300.0, 13.0), (700.0, 5.0)] {
-        let point = engine.inverse(&feed, thrust_n, &condition(35.0, 10.0), Guess::default()).point;
+        let point = engine.inverse(&feed, thrust_n, &condition(35.0, 10.0), WarmStart::default()).point;
         let incompressible =
             (2.0 * feed.tank().density_kg_m3 * (feed.tank().pressure_pa - point.injector_inlet_pa)).sqrt();
         let own = feed.inlet(point.injector_inlet_pa).valve_flux_kg_m2_s;

@@ -8,7 +8,7 @@ mod files;
 
 use files::scenario;
 use hopbench::plant::{Plant, Snapshot};
-use hopbench::propulsion::{EngineCondition, FeedMap, Guess};
+use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::scenario::Outcome;
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
 use hopbench::simulation::{self, Report};
@@ -233,7 +233,7 @@ fn fuel_follows_a_step_of_oxidiser_along_an_exponential() {
             fuel_flow_kg_s: Some(fuel_flow_kg_s),
             ..bare_engine::condition(30.0, 17.0)
         };
-        let point = engine.operating_point(&feed, 1.2e-4, &condition, Guess::default());
+        let point = engine.operating_point(&feed, 1.2e-4, &condition, WarmStart::default());
         assert!((point.oxidizer_kg_s - oxidizer_kg_s).abs() < 1e-12, "{} kg/s", point.oxidizer_kg_s);
         point
     };

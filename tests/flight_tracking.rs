@@ -12,7 +12,7 @@ use hopbench::autopilot::tracking::Rung;
 use hopbench::autopilot::{Autopilot, ControlLaw, Mission, Parameters, Phase, lcvx};
 use hopbench::frame::Vec3;
 use hopbench::signal::{ActuatorCommand, Throttle};
-use hopbench::simulation::{Flight, Source, outfit};
+use hopbench::simulation::{Flight, Source, data_sheet};
 use std::collections::VecDeque;
 
 /// How long an order takes.
@@ -137,7 +137,7 @@ fn an_unknown_thrust_bias_a_crooked_centre_of_mass_and_wind_leave_no_offset_in_t
         ("mission.hover_time_s", "10.0"),
     ];
     let nominal = files::scenario("gusty_hop", &still);
-    let told = outfit::nominal(&nominal).unwrap();
+    let told = data_sheet::nominal(&nominal).unwrap();
     for (seed, bias, place) in [
         (1, "0.03", "[0.05767, 0.05767, 0.5]"),
         (2, "-0.03", "[-0.08155, 0.0, 0.5]"),

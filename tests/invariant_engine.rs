@@ -7,7 +7,7 @@
 mod bare_engine;
 
 use bare_engine::{AMBIENT_PA, at_angle, at_flow, condition, engine, filling_engine, vehicle};
-use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, Guess, NozzleFlow};
+use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, NozzleFlow, WarmStart};
 use proptest::prelude::*;
 
 #[test]
@@ -18,14 +18,14 @@ fn forward_of_inverse_is_the_demand_over_the_envelope() {
         let feed = FeedMap::new(65e5, tank_k);
         for (port, throat) in [(25.0, 9.8), (35.0, 10.0), (45.0, 10.15), (60.0, 10.3)] {
             let condition = condition(port, throat);
-            let mut guess = Guess::default();
+            let mut guess = WarmStart::default();
             for i in 0..=150 {
                 let thrust = 300.0 + 5.0 * f64::from(i);
                 let inverse = engine.inverse(&feed, thrust, &condition, guess);
                 guess = inverse.point.guess;
                 assert!(!inverse.saturated, "{tank_k} K, {port} mm, {thrust} N: {inverse:?}");
                 let area = engine.valve_area().area_m2(inverse.valve_rad);
-                let cold = engine.operating_point(&feed, area, &condition, Guess::default());
+                let cold = engine.operating_point(&feed, area, &condition, WarmStart::default());
                 worst = worst.max((cold.thrust_n - thrust).abs());
                 // Another guess, the same answer.
                 assert!((cold.thrust_n - inverse.point.thrust_n).abs() < 1e-4);
@@ -41,12 +41,12 @@ fn forward_of_inverse_is_the_demand_over_the_envelope() {
 fn a_demand_beyond_the_limits_is_clamped_and_flagged() {
     let (engine, feed) = (engine(), FeedMap::new(65e5, 290.0));
     let (condition, open_rad) = (condition(25.0, 9.8), engine.valve_area().fully_open().0);
-    let most = engine.inverse(&feed, 5000.0, &condition, Guess::default());
+    let most = engine.inverse(&feed, 5000.0, &condition, WarmStart::default());
     assert!(most.saturated && (most.point.oxidizer_kg_s - 0.560).abs() < 1e-6, "{most:?}");
-    let least = engine.inverse(&feed, 0.0, &condition, Guess::default());
+    let least = engine.inverse(&feed, 0.0, &condition, WarmStart::default());
     assert!(least.saturated && (least.point.oxidizer_kg_s - 0.001).abs() < 1e-6, "{least:?}");
     // Half the tank's pressure: the valve is the limit.
-    let weak = engine.inverse(&FeedMap::new(30e5, 290.0), 1300.0, &condition, Guess::default());
+    let weak = engine.inverse(&FeedMap::new(30e5, 290.0), 1300.0, &condition, WarmStart::default());
     assert!(weak.saturated && weak.valve_rad == open_rad, "{weak:?}");
 }
 
@@ -170,9 +170,9 @@ fn the_filling_chamber_settles_on_the_steady_engine() {
     for degrees in [6.0, 15.0, 22.0, 28.0] {
         let steady_condition = condition(35.0, 10.0);
         let area_m2 = engine.valve_area().area_m2(f64::to_radians(degrees));
-        let steady = engine.operating_point(&feed, area_m2, &steady_condition, Guess::default());
+        let steady = engine.operating_point(&feed, area_m2, &steady_condition, WarmStart::default());
         let mut gas = engine.gas_at_rest(&steady_condition);
-        let mut guess = Guess::default();
+        let mut guess = WarmStart::default();
         let dt_s = 1e-4;
         let mut last = steady;
         for _ in 0..20_000 {
@@ -248,8 +248,8 @@ proptest! {
             damage: hopbench::propulsion::Damage::NONE,
         };
         let area_m2 = engine.valve_area().area_m2(f64::to_radians(degrees));
-        let inverse = engine.inverse(&feed, thrust_n, &condition, Guess::default());
-        for point in [engine.operating_point(&feed, area_m2, &condition, Guess::default()), inverse.point] {
+        let inverse = engine.inverse(&feed, thrust_n, &condition, WarmStart::default());
+        for point in [engine.operating_point(&feed, area_m2, &condition, WarmStart::default()), inverse.point] {
             let numbers = [
                 point.oxidizer_kg_s, point.fuel_kg_s, point.nozzle_kg_s, point.of_ratio, point.chamber_pa,
                 point.injector_inlet_pa, point.quality, point.thrust_n, point.isp_s, point.regression_rate_m_s,

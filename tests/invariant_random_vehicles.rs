@@ -466,8 +466,8 @@ fn flown(text: &str, number: u64, tables: (&str, &str)) -> End {
     let file = match VehicleFile::read(&document) {
         Ok(file) => file,
         Err(e) => {
-            let keys = e.faults.iter().map(|fault| fault.key.clone()).collect();
-            return refusal(keys, &e.faults[0].message);
+            let keys = e.diagnostics.iter().map(|fault| fault.key.clone()).collect();
+            return refusal(keys, &e.diagnostics[0].message);
         }
     };
     let vehicle = match Vehicle::new(file, tables.0, tables.1) {

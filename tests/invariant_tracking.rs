@@ -7,7 +7,7 @@ mod autopilot_plant;
 
 use hopbench::autopilot::Mission;
 use hopbench::autopilot::tracking::model::Airframe;
-use hopbench::autopilot::tracking::observer::{Observer, Seen, Servo};
+use hopbench::autopilot::tracking::observer::{MotionEstimate, Observer, Servo};
 use hopbench::autopilot::tracking::{Control, OLDEST_PLAN_S, Rung, Situation, Tracker, TrackingParameters};
 use hopbench::autopilot::trajectory::Reference;
 use hopbench::frame::Vec3;
@@ -40,7 +40,7 @@ struct Loop {
     airframe: Airframe,
     unknown: Unknown,
     learning: Learning,
-    seen: Seen,
+    seen: MotionEstimate,
     thrust_n: f64,
     servos: [Servo; 2],
     observer: Observer,
@@ -64,7 +64,7 @@ impl Loop {
             airframe: full,
             unknown,
             learning: Learning::Disturbances,
-            seen: Seen {
+            seen: MotionEstimate {
                 position_ned_m,
                 velocity_ned_m_s: Vec3::zeros(),
                 q_ned_from_body: UnitQuaternion::identity(),

@@ -4,7 +4,7 @@
 mod bare_engine;
 
 use bare_engine::{at_angle, at_flow, condition, engine};
-use hopbench::propulsion::{FeedMap, Guess, NozzleFlow};
+use hopbench::propulsion::{FeedMap, NozzleFlow, WarmStart};
 
 fn near(got: f64, expected: f64, tolerance: f64, what: &str) {
     assert!((got - expected).abs() <= tolerance, "{what}: {got}, expected {expected} ± {tolerance}");
@@ -23,7 +23,7 @@ const WORKING_POINTS: [[f64; 10]; 5] = [
 fn steady_working_points() {
     let (engine, feed) = (engine(), FeedMap::new(65e5, 290.0));
     for row in WORKING_POINTS {
-        let inverse = engine.inverse(&feed, row[0], &condition(35.0, 10.0), Guess::default());
+        let inverse = engine.inverse(&feed, row[0], &condition(35.0, 10.0), WarmStart::default());
         let point = inverse.point;
         assert!(!inverse.saturated && point.solved);
         // Half a unit of the last printed digit, and as much again for the other side's tables.

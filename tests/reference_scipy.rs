@@ -12,7 +12,7 @@ use hopbench::dynamics::rigid_body::accelerations;
 use hopbench::dynamics::slosh::SloshState;
 use hopbench::frame::{Mat3, Vec3};
 use hopbench::integrator::{Integrable, rk4_step};
-use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, Guess, NozzleFlow};
+use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, NozzleFlow, WarmStart};
 use nalgebra::Vector2;
 
 const REGRESSION: &str = include_str!("reference/regression_points.csv");
@@ -121,7 +121,7 @@ fn chamber_that_fills() {
             outlet: None,
             ..bare_engine::condition(35.0, 10.0)
         };
-        engine.operating_point(&feed, area_m2, &condition, Guess::default())
+        engine.operating_point(&feed, area_m2, &condition, WarmStart::default())
     };
     let dt_s = 1e-4;
     let (mut step, mut mass, mut pressure, mut flow) = (0, 0.0, 0.0, 0.0);

@@ -8,7 +8,7 @@ use files::{folder, scenario, text, vehicle_of};
 use hopbench::dynamics::mass::{Contents, ContentsRate};
 use hopbench::frame::{Mat3, inertia_frd_from_structural};
 use hopbench::input::Document;
-use hopbench::propulsion::{EngineCondition, FeedMap, Guess};
+use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::scenario::Outcome;
 use hopbench::simulation;
 use hopbench::vehicle::{Vehicle, VehicleFile};
@@ -102,7 +102,7 @@ fn the_gt_engine_is_near_its_published_operating_points() {
     for (thrust_n, flow_kg_s, valve_deg) in
         [(300.0, 0.129, 3.40), (500.0, 0.210, 6.66), (800.0, 0.330, 11.74), (1000.0, 0.412, 15.36)]
     {
-        let ours = vehicle.engine.inverse(&feed, thrust_n, &lit(&vehicle), Guess::default());
+        let ours = vehicle.engine.inverse(&feed, thrust_n, &lit(&vehicle), WarmStart::default());
         assert!(!ours.saturated);
         assert!((ours.point.thrust_n - thrust_n).abs() < 1e-4);
         let (flow, angle) = (ours.point.oxidizer_kg_s / flow_kg_s, ours.valve_rad.to_degrees() / valve_deg);

@@ -9,13 +9,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hopbench::simulation::{Flight, Source};
+use hopbench_hil::bench::live::Live;
+use hopbench_hil::bench::pace::{Distribution, now_ns};
 use hopbench_hil::bench::{Bench, Options};
-use hopbench_hil::link::Link;
-use hopbench_hil::live::Live;
 use hopbench_hil::load;
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
-use hopbench_hil::pace::{Distribution, now_ns};
-use hopbench_hil::profile::{PX4_SITL, Pacing};
+use hopbench_hil::wire::link::Link;
+use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
+use hopbench_hil::wire::profile::{PX4_SITL, Pacing};
 
 const ROUNDS: usize = 3;
 const CYCLES: usize = 20_000;

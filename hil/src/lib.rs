@@ -1,54 +1,29 @@
-//! Everything of Hopbench that touches the world: links, MAVLink, the clock, the states of a run.
+//! Everything of Hopbench that touches the world: files, links, MAVLink, the clock, the states of a run.
 //!
-//! Modules stand in dependency order: a module imports only from above itself. Bytes move in [`link`], mean
-//! something in [`mavlink`], suffer in between what [`disruption`] says, and are chosen by [`profile`]; [`pace`] is the
-//! clock; [`mod@bench`] is the loop; [`ground`] is for those who watch.
+//! Rooms stand in dependency order; a room imports only from above itself, and `tests/floors.rs` checks it.
+//!
+//! | floor | rooms |
+//! |---|---|
+//! | files | [`load`] scenarios, vehicles and tables, with the file's name in every error |
+//! | the wire | [`wire`]: serial ports, links, MAVLink, damage in between, what is sent when |
+//! | what a run leaves, and aids | [`evidence`] report, certificate, pictures, campaigns; [`doctor`] what is wrong with this machine or board; [`px4`] an airframe for a vehicle; strangers to each other |
+//! | the run | [`mod@bench`]: the loop that steps the plant, its clock, hand-over, services, who watches |
+//! | the program | [`command`]: one file for each command |
 
 // Files.
 pub mod load;
 
-// Bytes.
-pub mod port;
+// Bytes and what they mean.
+pub mod wire;
 
-pub mod link;
-pub mod mavlink;
+// What a run leaves; what is wrong; an airframe.
+pub mod evidence;
 
-// What becomes of them on a bad wire.
-pub mod disruption;
-
-// What may be asked of a bench.
-pub mod desk;
-pub mod failure;
-pub mod parameter;
-
-// Flight controllers and time.
-pub mod pace;
-pub mod realtime;
-
-pub mod planner;
-pub mod profile;
-pub mod px4;
-pub mod stream;
-pub mod yardstick;
-
-// People who watch.
-pub mod ground;
-
-// What is wrong.
 pub mod doctor;
+pub mod px4;
 
 // The run.
-pub mod live;
-
 pub mod bench;
-pub mod certificate;
-pub mod drawing;
-pub mod pilot;
-pub mod report;
-pub mod throttle_map;
-
-// Many runs.
-pub mod campaign;
 
 // The program.
 pub mod command;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hopbench::input::{Document, Fault, InputError};
+use hopbench::input::{Diagnostic, Document, InputError};
 use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
 use hopbench::vehicle::{Table, Vehicle, VehicleError, VehicleFile};
 
@@ -24,7 +24,7 @@ pub enum Kind {
 pub fn unusable(file: &Path, message: impl Into<String>) -> InputError {
     InputError {
         file: file.display().to_string(),
-        faults: vec![Fault { line: None, key: String::new(), message: message.into() }],
+        diagnostics: vec![Diagnostic { line: None, key: String::new(), message: message.into() }],
     }
 }
 
@@ -32,7 +32,7 @@ pub fn unusable(file: &Path, message: impl Into<String>) -> InputError {
 pub fn contradiction(file: &Path, fault: hopbench::input::Invalid) -> InputError {
     InputError {
         file: file.display().to_string(),
-        faults: vec![Fault { line: None, key: fault.key, message: fault.message }],
+        diagnostics: vec![Diagnostic { line: None, key: fault.key, message: fault.message }],
     }
 }
 
@@ -114,7 +114,7 @@ impl VehicleTexts {
         for (index, path, report) in &self.reports {
             file.import_mass(*index, report).map_err(|e| InputError {
                 file: path.display().to_string(),
-                faults: vec![Fault { line: Some(e.line), key: String::new(), message: e.message }],
+                diagnostics: vec![Diagnostic { line: Some(e.line), key: String::new(), message: e.message }],
             })?;
         }
         Ok(file)
@@ -179,7 +179,7 @@ impl ScenarioTexts {
             None => None,
             Some(path) => Some(Schedule::parse(&text(path)?).map_err(|e| InputError {
                 file: path.display().to_string(),
-                faults: vec![Fault { line: Some(e.line), key: String::new(), message: e.message }],
+                diagnostics: vec![Diagnostic { line: Some(e.line), key: String::new(), message: e.message }],
             })?),
         };
         let name = path.file_stem().map_or_else(|| "scenario".into(), |s| s.to_string_lossy().into_owned());
@@ -235,7 +235,7 @@ fn pairs(overrides: &Overrides) -> Result<Vec<(&str, &str)>, InputError> {
         .map(|pair| {
             pair.split_once('=').map(|(key, value)| (key.trim(), value.trim())).ok_or_else(|| InputError {
                 file: "--set".to_owned(),
-                faults: vec![Fault {
+                diagnostics: vec![Diagnostic {
                     line: None,
                     key: String::new(),
                     message: format!("'{pair}' is not KEY=VALUE"),

@@ -9,8 +9,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use hopbench_hil::campaign::Campaign;
-use hopbench_hil::campaign::table::Row;
+use hopbench_hil::evidence::campaign::Campaign;
+use hopbench_hil::evidence::campaign::table::Row;
 
 /// Control error of the hover (m), rms: the estimate against the reference.
 const HOVER_ALTITUDE_RMS_M: f64 = 0.3;

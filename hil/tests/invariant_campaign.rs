@@ -6,8 +6,8 @@ use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use hopbench::simulation::{Flight, fly_out, outfit};
-use hopbench_hil::campaign::Campaign;
+use hopbench::simulation::{Flight, data_sheet, fly_out};
+use hopbench_hil::evidence::campaign::Campaign;
 use hopbench_hil::load;
 
 /// A short hop: two metres up and down.
@@ -364,7 +364,7 @@ fn the_centre_of_mass_moves_as_far_as_the_campaigns_say() {
 fn the_autopilot_is_told_of_the_nominal_flight() {
     let short: Vec<String> = SHORT.iter().map(|&pair| pair.to_owned()).collect();
     let nominal = load::scenario(&scenario(), &short, None).unwrap();
-    let told = outfit::nominal(&nominal).unwrap();
+    let told = data_sheet::nominal(&nominal).unwrap();
     let flown = |mut flight: Flight| {
         fly_out(&mut flight, |_| {});
         let report = flight.report(false);

@@ -6,8 +6,8 @@ use std::time::Duration;
 use hopbench::scenario::Scenario;
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::{Flight, Source, fly_out};
+use hopbench_hil::bench::planner::Planner;
 use hopbench_hil::load;
-use hopbench_hil::planner::Planner;
 
 /// Far more than a plan takes on any machine; only a planner that has lost it waits so long.
 const PATIENCE: Duration = Duration::from_secs(60);

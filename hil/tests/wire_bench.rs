@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use hopbench::scenario::Outcome;
 use hopbench::simulation::Source;
 use hopbench_hil::bench::Options;
-use hopbench_hil::mavlink::{Encoder, MavMessage, heartbeat};
-use hopbench_hil::profile::{GENERIC, PX4_HITL, PX4_SITL, Pacing};
+use hopbench_hil::wire::mavlink::{Encoder, MavMessage, heartbeat};
+use hopbench_hil::wire::profile::{GENERIC, PX4_HITL, PX4_SITL, Pacing};
 
 use peer::{Then, flown, lockstep, run, scenario};
 

@@ -11,9 +11,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hopbench_hil::doctor::{Finding, Machine, Severity, diagnose_machine};
-use hopbench_hil::link::Link;
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls, heartbeat};
-use hopbench_hil::port::Port;
+use hopbench_hil::wire::link::Link;
+use hopbench_hil::wire::mavlink::{
+    ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls, heartbeat,
+};
+use hopbench_hil::wire::port::Port;
 
 use terminal::{Terminal, controls};
 

@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 
 use hopbench::scenario::Outcome;
 use hopbench::simulation::{Flight, Instrumentation};
+use hopbench_hil::bench::live::Live;
 use hopbench_hil::bench::{Bench, Options};
-use hopbench_hil::link::Link;
-use hopbench_hil::live::Live;
-use hopbench_hil::profile::{GENERIC, PX4_SITL};
+use hopbench_hil::wire::link::Link;
+use hopbench_hil::wire::profile::{GENERIC, PX4_SITL};
 
 use peer::{Fc, flown, lockstep};
 

@@ -13,8 +13,8 @@ use hopbench::simulation::report::{Disrupted, DisruptedWay, Stalled};
 use hopbench::simulation::{Instrumentation, Report, Source};
 use hopbench_hil::bench::Options;
 use hopbench_hil::command::autopilot::pilot;
-use hopbench_hil::mavlink::{ControlsFrame, MavMessage, actuator_controls};
-use hopbench_hil::profile::{GENERIC, PX4_SITL, Pacing};
+use hopbench_hil::wire::mavlink::{ControlsFrame, MavMessage, actuator_controls};
+use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing};
 
 use peer::{Fc, Then, flown, lockstep, run, scenario};
 

@@ -10,8 +10,8 @@ use hopbench::scenario::Outcome;
 use hopbench::simulation::report::Handover;
 use hopbench::simulation::{Instrumentation, Source};
 use hopbench_hil::command::autopilot::pilot;
-use hopbench_hil::mavlink::MavMessage;
-use hopbench_hil::profile::GENERIC;
+use hopbench_hil::wire::mavlink::MavMessage;
+use hopbench_hil::wire::profile::GENERIC;
 
 use peer::{Fc, Then, flown, lockstep, run, scenario};
 

@@ -4,8 +4,8 @@ use std::io::Write as _;
 use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
-use hopbench_hil::link::{Hold, Link, LinkSpec, Notice};
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, FromFc, actuator_controls};
+use hopbench_hil::wire::link::{Hold, Link, LinkSpec, Notice};
+use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, FromFc, actuator_controls};
 
 /// Two ends of one kind of link; the second is what the peer holds.
 fn ends(kind: &str) -> (Link, Link) {

@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hopbench::simulation::{Flight, Instrumentation, Report};
+use hopbench_hil::bench::live::Live;
 use hopbench_hil::bench::{Bench, Options};
-use hopbench_hil::link::{Link, LinkSpec};
-use hopbench_hil::live::Live;
-use hopbench_hil::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
-use hopbench_hil::profile::{GENERIC, PX4_HITL, Pacing, Profile};
+use hopbench_hil::wire::link::{Link, LinkSpec};
+use hopbench_hil::wire::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
+use hopbench_hil::wire::profile::{GENERIC, PX4_HITL, Pacing, Profile};
 
 use peer::{lockstep, scenario};
 use terminal::{Board, Terminal};

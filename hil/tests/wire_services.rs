@@ -9,16 +9,16 @@ use std::time::{Duration, Instant};
 
 use hopbench::fault::{Component, Mode, catalogue};
 use hopbench::simulation::{Flight, Instrumentation, MODIFIED_KEPT, Report};
+use hopbench_hil::bench::ground::{GROUND_ADDRESS, Ground};
+use hopbench_hil::bench::live::Live;
+use hopbench_hil::bench::parameter::parameters;
 use hopbench_hil::bench::{Bench, Options};
-use hopbench_hil::ground::{GROUND_ADDRESS, Ground};
-use hopbench_hil::link::Link;
-use hopbench_hil::live::Live;
-use hopbench_hil::mavlink::measurement::is_reset;
-use hopbench_hil::mavlink::telemetry::PLANT_FLOATS;
-use hopbench_hil::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
-use hopbench_hil::parameter::parameters;
-use hopbench_hil::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
-use hopbench_hil::stream::Refusal;
+use hopbench_hil::wire::link::Link;
+use hopbench_hil::wire::mavlink::measurement::is_reset;
+use hopbench_hil::wire::mavlink::telemetry::PLANT_FLOATS;
+use hopbench_hil::wire::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
+use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
+use hopbench_hil::wire::stream::Refusal;
 use mavlink::dialects::common as dialect;
 
 use peer::{Fc, Then, lockstep, run, scenario};
@@ -490,7 +490,7 @@ fn frames_pass_both_ways_as_they_came_and_hil_messages_never() {
         until(fc, station, |s| {
             [&unknown, &signed].iter().all(|raw| s.frames.iter().any(|(_, have)| have == *raw))
         });
-        assert!(!station.frames.iter().any(|(id, _)| hopbench_hil::mavlink::is_hil(*id)));
+        assert!(!station.frames.iter().any(|(id, _)| hopbench_hil::wire::mavlink::is_hil(*id)));
 
         // To the flight controller: an arming command, what nobody knows, but neither HIL_SENSOR nor what is the bench's.
         let arm = dialect::MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;

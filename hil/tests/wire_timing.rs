@@ -8,13 +8,13 @@ use hopbench::scenario::{Outcome, Scenario};
 use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Instrumentation, Source};
 use hopbench::time::SimTime;
+use hopbench_hil::bench::live::Live;
 use hopbench_hil::bench::{Belief, Bench, Options};
 use hopbench_hil::command::autopilot::pilot;
-use hopbench_hil::link::Link;
-use hopbench_hil::live::Live;
 use hopbench_hil::load;
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
-use hopbench_hil::profile::{GENERIC, Pacing};
+use hopbench_hil::wire::link::Link;
+use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
+use hopbench_hil::wire::profile::{GENERIC, Pacing};
 
 fn scenario() -> Scenario {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/hover_5m.toml");

@@ -191,7 +191,7 @@ pub struct Abort {
 
 /// What the decision is made on, all of it estimated.
 #[derive(Clone, Copy, Debug)]
-pub struct Signs {
+pub struct AbortInputs {
     /// Propellant lasts no longer than the way down and the reserve.
     pub propellant_low: bool,
     /// Angle between the long axis and the vertical (rad).
@@ -259,7 +259,7 @@ impl AbortWatch {
         self.abort
     }
 
-    /// A decision that fell outside the signs of a step.
+    /// A decision that fell outside the abort_inputs of a step.
     pub fn declare(&mut self, reason: AbortReason, time: SimTime) {
         self.abort = Some(Abort { kind: reason.kind(), reason, time });
     }
@@ -269,22 +269,22 @@ impl AbortWatch {
         &mut self,
         limits: &AbortLimits,
         phase: Phase,
-        signs: &Signs,
+        abort_inputs: &AbortInputs,
         time: SimTime,
         dt_s: f64,
     ) -> Option<Abort> {
         if !phase.is_flight() {
             return None;
         }
-        let outside = signs.from_start_m > self.radius_m || signs.height_m > self.ceiling_m;
+        let outside = abort_inputs.from_start_m > self.radius_m || abort_inputs.height_m > self.ceiling_m;
         let mut decided = None;
         for (reason, held_s) in AbortReason::ALL.into_iter().zip(&mut self.held_s) {
             let condition = match reason {
                 // Leaving counts: who takes over outside is not shot down for what another pilot did.
                 AbortReason::FlightVolume => self.inside && outside,
-                _ => holds(reason, limits, signs),
+                _ => holds(reason, limits, abort_inputs),
             };
-            let asked = condition && may_abort(reason, limits, phase, signs, self.abort);
+            let asked = condition && may_abort(reason, limits, phase, abort_inputs, self.abort);
             *held_s = if asked { *held_s + dt_s } else { 0.0 };
             if asked && *held_s >= reason.confirmation_s(limits) && decided.is_none() {
                 decided = Some(Abort { kind: reason.kind(), reason, time });
@@ -301,12 +301,12 @@ fn may_abort(
     reason: AbortReason,
     limits: &AbortLimits,
     phase: Phase,
-    signs: &Signs,
+    abort_inputs: &AbortInputs,
     so_far: Option<Abort>,
 ) -> bool {
     match (reason.kind(), so_far) {
         (AbortKind::Cut, Some(Abort { kind: AbortKind::Cut, .. })) | (AbortKind::Land, Some(_)) => false,
-        (AbortKind::Cut, _) => signs.height_m >= limits.cut_height_m,
+        (AbortKind::Cut, _) => abort_inputs.height_m >= limits.cut_height_m,
         // On its way down it has what it needs for that or never will.
         (AbortKind::Land, None) if reason == AbortReason::Propellant => {
             matches!(phase, Phase::Ascent | Phase::Hover)
@@ -316,7 +316,7 @@ fn may_abort(
 }
 
 /// Whether the condition of a trigger holds now.
-fn holds(reason: AbortReason, limits: &AbortLimits, s: &Signs) -> bool {
+fn holds(reason: AbortReason, limits: &AbortLimits, s: &AbortInputs) -> bool {
     match reason {
         AbortReason::Propellant => s.propellant_low,
         AbortReason::Tilt => s.tilt_rad > limits.tilt_rad,
@@ -329,7 +329,7 @@ fn holds(reason: AbortReason, limits: &AbortLimits, s: &Signs) -> bool {
         AbortReason::Guidance => s.guidance_exhausted,
         AbortReason::OffReference => s.off_reference_m > limits.tube_m,
         AbortReason::Toppling => s.tilt_rad > limits.cut_tilt_rad,
-        // Watched over outside the signs.
+        // Watched over outside the abort_inputs.
         AbortReason::FlightVolume | AbortReason::Inertial => false,
         AbortReason::CannotStop => {
             // v² - 2 a h is the square of the speed left at the ground.
@@ -349,8 +349,8 @@ fn holds(reason: AbortReason, limits: &AbortLimits, s: &Signs) -> bool {
 mod tests {
     use super::*;
 
-    fn calm() -> Signs {
-        Signs {
+    fn calm() -> AbortInputs {
+        AbortInputs {
             propellant_low: false,
             tilt_rad: 0.1,
             gnss_refused: 0,
@@ -367,39 +367,43 @@ mod tests {
         }
     }
 
-    /// Reason and time of what `signs` lead to within five seconds of a phase.
-    fn decision(phase: Phase, signs: &Signs) -> Option<(AbortReason, f64)> {
+    /// Reason and time of what `abort_inputs` lead to within five seconds of a phase.
+    fn decision(phase: Phase, abort_inputs: &AbortInputs) -> Option<(AbortReason, f64)> {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
         watch.step(&mission.abort, phase, &calm(), SimTime::ZERO, 0.004);
         (1..=1250).find_map(|i| {
             let time = SimTime::from_us(4000 * i);
-            watch.step(&mission.abort, phase, signs, time, 0.004).map(|a| (a.reason, a.time.s()))
+            watch.step(&mission.abort, phase, abort_inputs, time, 0.004).map(|a| (a.reason, a.time.s()))
         })
     }
 
     #[test]
     fn every_trigger_fires_at_its_limit_after_its_time() {
-        let silent = Signs { gnss_silence_s: 6.1, ..calm() };
-        let falling = Signs { descent_speed_m_s: 16.0, ..calm() };
+        let silent = AbortInputs { gnss_silence_s: 6.1, ..calm() };
+        let falling = AbortInputs { descent_speed_m_s: 16.0, ..calm() };
         // Expected times in steps of 4 ms: the first that is no shorter than the confirmation.
         let cases = [
-            (Signs { tilt_rad: 0.263, ..calm() }, AbortReason::Tilt, 0.3),
-            (Signs { tilt_rad: 0.62, ..calm() }, AbortReason::Toppling, 0.1),
+            (AbortInputs { tilt_rad: 0.263, ..calm() }, AbortReason::Tilt, 0.3),
+            (AbortInputs { tilt_rad: 0.62, ..calm() }, AbortReason::Toppling, 0.1),
             (silent, AbortReason::Navigation, 0.1),
-            (Signs { gnss_refused: 3, ..calm() }, AbortReason::Navigation, 0.1),
-            (Signs { air_m_s2: 0.86, ..calm() }, AbortReason::Wind, 1.0),
-            (Signs { guidance_exhausted: true, ..calm() }, AbortReason::Guidance, 0.1),
-            (Signs { off_reference_m: 5.1, ..calm() }, AbortReason::OffReference, 0.5),
-            (Signs { propellant_low: true, ..calm() }, AbortReason::Propellant, 0.1),
-            (Signs { from_start_m: 30.1, ..calm() }, AbortReason::FlightVolume, 0.2),
-            (Signs { height_m: 70.1, ..calm() }, AbortReason::FlightVolume, 0.2),
+            (AbortInputs { gnss_refused: 3, ..calm() }, AbortReason::Navigation, 0.1),
+            (AbortInputs { air_m_s2: 0.86, ..calm() }, AbortReason::Wind, 1.0),
+            (AbortInputs { guidance_exhausted: true, ..calm() }, AbortReason::Guidance, 0.1),
+            (AbortInputs { off_reference_m: 5.1, ..calm() }, AbortReason::OffReference, 0.5),
+            (AbortInputs { propellant_low: true, ..calm() }, AbortReason::Propellant, 0.1),
+            (AbortInputs { from_start_m: 30.1, ..calm() }, AbortReason::FlightVolume, 0.2),
+            (AbortInputs { height_m: 70.1, ..calm() }, AbortReason::FlightVolume, 0.2),
             // 16² - 2·4·30 = 16 = 4²: over the 3 m/s that are allowed.
             (falling, AbortReason::CannotStop, 0.2),
-            (Signs { unexplained_force: 0.4, descent_speed_m_s: -2.0, ..calm() }, AbortReason::Runaway, 0.5),
+            (
+                AbortInputs { unexplained_force: 0.4, descent_speed_m_s: -2.0, ..calm() },
+                AbortReason::Runaway,
+                0.5,
+            ),
         ];
-        for (signs, reason, after_s) in cases {
-            let (found, at_s) = decision(Phase::Hover, &signs).unwrap_or_else(|| panic!("{reason:?}"));
+        for (abort_inputs, reason, after_s) in cases {
+            let (found, at_s) = decision(Phase::Hover, &abort_inputs).unwrap_or_else(|| panic!("{reason:?}"));
             assert_eq!(found, reason);
             assert!(at_s >= after_s - 1e-9 && at_s < after_s + 0.005, "{reason:?} after {at_s} s");
         }
@@ -409,23 +413,23 @@ mod tests {
     fn what_lies_inside_every_limit_fires_nothing() {
         let still_fine = [
             calm(),
-            Signs { tilt_rad: 0.26, ..calm() },
-            Signs { gnss_silence_s: 60.0, gnss_refused: 20, altimeter_silence_s: 0.1, ..calm() },
+            AbortInputs { tilt_rad: 0.26, ..calm() },
+            AbortInputs { gnss_silence_s: 60.0, gnss_refused: 20, altimeter_silence_s: 0.1, ..calm() },
             // 15.4² - 240 is under 0: it stops.
-            Signs { descent_speed_m_s: 15.4, ..calm() },
-            Signs { descent_speed_m_s: 12.0, height_m: 4.0, ..calm() },
-            Signs { unexplained_force: 1.0, descent_speed_m_s: 0.0, ..calm() },
-            Signs { tilt_rad: f64::NAN, air_m_s2: f64::NAN, from_start_m: f64::NAN, ..calm() },
+            AbortInputs { descent_speed_m_s: 15.4, ..calm() },
+            AbortInputs { descent_speed_m_s: 12.0, height_m: 4.0, ..calm() },
+            AbortInputs { unexplained_force: 1.0, descent_speed_m_s: 0.0, ..calm() },
+            AbortInputs { tilt_rad: f64::NAN, air_m_s2: f64::NAN, from_start_m: f64::NAN, ..calm() },
         ];
-        for signs in still_fine {
-            assert_eq!(decision(Phase::Hover, &signs), None, "{signs:?}");
+        for abort_inputs in still_fine {
+            assert_eq!(decision(Phase::Hover, &abort_inputs), None, "{abort_inputs:?}");
         }
         // On the pad and after contact nothing is judged, low down nothing cuts.
-        let bad = Signs { tilt_rad: 1.0, propellant_low: true, ..calm() };
+        let bad = AbortInputs { tilt_rad: 1.0, propellant_low: true, ..calm() };
         for phase in [Phase::Ignition, Phase::Touchdown, Phase::Shutdown, Phase::AbortCut] {
             assert_eq!(decision(phase, &bad), None);
         }
-        assert_eq!(decision(Phase::Terminal, &Signs { height_m: 0.4, ..bad }), None);
+        assert_eq!(decision(Phase::Terminal, &AbortInputs { height_m: 0.4, ..bad }), None);
     }
 
     #[test]
@@ -433,10 +437,10 @@ mod tests {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
         for i in 0..10_000u64 {
-            let signs = Signs { tilt_rad: if i % 70 == 0 { 0.1 } else { 0.3 }, ..calm() };
+            let abort_inputs = AbortInputs { tilt_rad: if i % 70 == 0 { 0.1 } else { 0.3 }, ..calm() };
             let time = SimTime::from_us(4000 * i);
             // 69 steps of 4 ms are 276 ms of the 300 ms that it takes.
-            assert_eq!(watch.step(&mission.abort, Phase::Hover, &signs, time, 0.004), None);
+            assert_eq!(watch.step(&mission.abort, Phase::Hover, &abort_inputs, time, 0.004), None);
         }
     }
 
@@ -444,15 +448,20 @@ mod tests {
     fn a_decision_stands_and_only_a_cut_comes_over_a_landing() {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
-        let mut run = |phase, signs: Signs| {
+        let mut run = |phase, abort_inputs: AbortInputs| {
             (0..500).find_map(|i| {
-                watch.step(&mission.abort, phase, &signs, SimTime::from_us(4000 * i), 0.004).map(|a| a.reason)
+                watch
+                    .step(&mission.abort, phase, &abort_inputs, SimTime::from_us(4000 * i), 0.004)
+                    .map(|a| a.reason)
             })
         };
-        assert_eq!(run(Phase::Hover, Signs { air_m_s2: 1.0, ..calm() }), Some(AbortReason::Wind));
-        assert_eq!(run(Phase::AbortLand, Signs { guidance_exhausted: true, ..calm() }), None);
-        assert_eq!(run(Phase::AbortLand, Signs { tilt_rad: 0.7, ..calm() }), Some(AbortReason::Toppling));
-        assert_eq!(run(Phase::AbortCut, Signs { from_start_m: 99.0, ..calm() }), None);
+        assert_eq!(run(Phase::Hover, AbortInputs { air_m_s2: 1.0, ..calm() }), Some(AbortReason::Wind));
+        assert_eq!(run(Phase::AbortLand, AbortInputs { guidance_exhausted: true, ..calm() }), None);
+        assert_eq!(
+            run(Phase::AbortLand, AbortInputs { tilt_rad: 0.7, ..calm() }),
+            Some(AbortReason::Toppling)
+        );
+        assert_eq!(run(Phase::AbortCut, AbortInputs { from_start_m: 99.0, ..calm() }), None);
         assert_eq!(watch.abort().map(|a| a.reason), Some(AbortReason::Toppling));
     }
 
@@ -461,9 +470,9 @@ mod tests {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
         for i in 0..1000 {
-            let signs = Signs { from_start_m: 80.0, ..calm() };
+            let abort_inputs = AbortInputs { from_start_m: 80.0, ..calm() };
             let time = SimTime::from_us(4000 * i);
-            assert_eq!(watch.step(&mission.abort, Phase::Hover, &signs, time, 0.004), None);
+            assert_eq!(watch.step(&mission.abort, Phase::Hover, &abort_inputs, time, 0.004), None);
         }
     }
 }

@@ -1,12 +1,12 @@
 //! What the flight controller believes, from filter, engine model and disturbance observer, and what it concludes.
 
-use super::abort::Signs;
-use super::navigation::Standing;
+use super::abort::AbortInputs;
+use super::navigation::GroundState;
 use super::phase::{Evidence, MassKnowledge};
 use super::propellant::MassPoint;
 use super::tracking::Control;
 use super::tracking::model::Airframe;
-use super::tracking::observer::Seen;
+use super::tracking::observer::MotionEstimate;
 use super::{Autopilot, Estimate};
 use crate::frame::{Vec3, tilt_rad};
 use crate::signal::{Measurement, Throttle};
@@ -44,7 +44,7 @@ impl Autopilot {
     }
 
     /// Filter and engine estimate; gives the length of the step, `None` without an inertial sample.
-    pub(super) fn sense(&mut self, m: &Measurement, standing: Standing) -> Option<f64> {
+    pub(super) fn sense(&mut self, m: &Measurement, standing: GroundState) -> Option<f64> {
         if let Some(p) = m.pressures.chamber_pa.filter(|p| p.is_finite()) {
             self.chamber_pa = Some(p);
         }
@@ -97,13 +97,13 @@ impl Autopilot {
         }
     }
 
-    pub(super) fn signs(&self) -> Signs {
+    pub(super) fn abort_inputs(&self) -> AbortInputs {
         let seen = self.evidence();
         let sight = self.navigation.sight();
         let (position, _) = self.navigation.point(Vec3::zeros());
         let from_start = position - self.parameters.navigation.rest_ned_m;
         let gravity = self.parameters.navigation.gravity_m_s2;
-        Signs {
+        AbortInputs {
             propellant_low: self.propellant_low(),
             tilt_rad: tilt_rad(&self.navigation.q_ned_from_body()),
             gnss_refused: sight.gnss_refused,
@@ -136,9 +136,9 @@ impl Autopilot {
     }
 
     /// Motion of the centre of mass, and thrust.
-    pub(super) fn seen(&self) -> Seen {
+    pub(super) fn seen(&self) -> MotionEstimate {
         let (position_ned_m, velocity_ned_m_s) = self.navigation.point(self.mass_properties().com_body_m);
-        Seen {
+        MotionEstimate {
             position_ned_m,
             velocity_ned_m_s,
             q_ned_from_body: self.navigation.q_ned_from_body(),

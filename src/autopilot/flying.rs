@@ -20,8 +20,8 @@ impl Autopilot {
     /// Leaves the mission where an abort is decided.
     pub(super) fn watch_for_abort(&mut self, dt_s: f64) {
         let (limits, phase) = (&self.parameters.mission.abort, self.sequence.phase());
-        let signs = self.signs();
-        match self.abort_watch.step(limits, phase, &signs, self.time, dt_s).map(|abort| abort.kind) {
+        let abort_inputs = self.abort_inputs();
+        match self.abort_watch.step(limits, phase, &abort_inputs, self.time, dt_s).map(|abort| abort.kind) {
             Some(AbortKind::Land) => self.sequence.enter(Phase::AbortLand, 0.0),
             Some(AbortKind::Cut) => self.sequence.enter(Phase::AbortCut, 0.0),
             None => {}

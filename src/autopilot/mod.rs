@@ -45,7 +45,7 @@ use allocation::{ActuatorParameters, Allocation, ThrustMap};
 use control::{Controller, Gains, Integrate};
 use guidance::Guidance;
 use nalgebra::UnitQuaternion;
-use navigation::{Navigation, NavigationHealth, NavigationParameters, Standing};
+use navigation::{GroundState, Navigation, NavigationHealth, NavigationParameters};
 pub use phase::{ControlLaw, GuidanceLaw, MassKnowledge, Mission, MissionKind, Phase};
 use phase::{Sequence, SequenceParameters};
 use planning::Planning;
@@ -253,9 +253,9 @@ impl Autopilot {
     /// Flies: one measurement in, one command out.
     pub fn update(&mut self, m: &Measurement) -> ActuatorCommand {
         let standing = match self.sequence.phase() {
-            phase if phase.is_before_lift_off() => Standing::OnPad,
-            Phase::Shutdown | Phase::Done | Phase::AbortCut if self.landed_s > 0.5 => Standing::Landed,
-            _ => Standing::No,
+            phase if phase.is_before_lift_off() => GroundState::OnPad,
+            Phase::Shutdown | Phase::Done | Phase::AbortCut if self.landed_s > 0.5 => GroundState::Landed,
+            _ => GroundState::No,
         };
         let Some(dt_s) = self.sense(m, standing) else { return self.without_inertial_sample(m.time) };
 
@@ -293,9 +293,9 @@ impl Autopilot {
         self.command = *applied;
         let demanded = applied.armed && self.demand_n() > self.parameters.propellant.thrust_shut_n;
         let standing = if self.integrate.airborne || self.demanded_s > 0.2 {
-            if self.landed_s > 0.5 { Standing::Landed } else { Standing::No }
+            if self.landed_s > 0.5 { GroundState::Landed } else { GroundState::No }
         } else {
-            Standing::OnPad
+            GroundState::OnPad
         };
         if demanded && !self.navigation.is_aligned() {
             // Somebody starts before the averages are as long as they should be: take what there is.

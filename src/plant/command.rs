@@ -18,19 +18,20 @@ const SATURATION_MEMORY: SimTime = SimTime::from_us(1_000_000);
 
 impl Plant {
     /// Takes in a command: sequence, engine controller, delays, pulses.
-    pub(super) fn obey(&mut self, command: &ActuatorCommand) {
+    pub(super) fn latch_commands(&mut self, command: &ActuatorCommand) {
         let now = self.time;
         let throttle_on = self.throttle_on(command);
         let positions = self.sequence.obey(now, command, throttle_on);
-        let held = &mut self.held;
+        let discrete = &mut self.discrete;
         let step_s = self.step.s();
         let isolation = self.vehicle.isolation_stroke();
-        held.isolation =
-            held.broken.isolation_after(isolation, held.isolation, positions.isolation_open, step_s);
+        discrete.isolation =
+            discrete.faults.isolation_after(isolation, discrete.isolation, positions.isolation_open, step_s);
         let vented = if positions.vent_open { 1.0 } else { 0.0 };
-        held.vent = self.vehicle.vent_stroke().opening_after(held.vent, vented, step_s);
-        held.igniter = positions.igniter;
-        held.grip = if held.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
+        discrete.vent = self.vehicle.vent_stroke().opening_after(discrete.vent, vented, step_s);
+        discrete.igniter = positions.igniter;
+        discrete.grip =
+            if discrete.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
 
         self.control_engine(throttle_on, command.throttle);
         let limit = self.vehicle.gimbal.limit_rad;
@@ -41,32 +42,34 @@ impl Plant {
         };
         let roll = if command.armed { command.rcs_roll.clamp(-1.0, 1.0) } else { 0.0 };
 
-        let held = &mut self.held;
-        let valve_rad = held.demand.valve_rad;
+        let discrete = &mut self.discrete;
+        let valve_rad = discrete.demand.valve_rad;
         if self.options.ideal {
-            held.valve_command_rad = held.broken.valve_told_rad(valve_rad);
+            discrete.valve_command_rad = discrete.faults.valve_told_rad(valve_rad);
             self.state.valve_rad =
-                held.broken.valve_servo.at_once(self.state.valve_rad, held.valve_command_rad);
-            held.valve_memory = ServoMemory::at(self.state.valve_rad);
-            let pairs = held.broken.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
+                discrete.faults.valve_servo.at_once(self.state.valve_rad, discrete.valve_command_rad);
+            discrete.valve_memory = ServoMemory::at(self.state.valve_rad);
+            let pairs = discrete.faults.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
             self.state.rcs_level = Vec3::new(pairs.a, pairs.b, 0.0);
         } else {
-            held.valve_delay.push(now, valve_rad);
-            held.valve_command_rad = held.broken.valve_told_rad(held.valve_delay.at(now));
-            let opened = self.vehicle.reaction_control.modulate(&mut held.modulator, roll, now, self.step);
-            held.rcs_open = held.broken.pairs_open(opened);
+            discrete.valve_delay.push(now, valve_rad);
+            discrete.valve_command_rad = discrete.faults.valve_told_rad(discrete.valve_delay.at(now));
+            let opened =
+                self.vehicle.reaction_control.modulate(&mut discrete.modulator, roll, now, self.step);
+            discrete.rcs_open = discrete.faults.pairs_open(opened);
         }
         if self.options.ideal_gimbal {
-            let told = held.broken.gimbal_told_rad(gimbal);
-            held.gimbal_command_rad = Vector2::from(told);
+            let told = discrete.faults.gimbal_told_rad(gimbal);
+            discrete.gimbal_command_rad = Vector2::from(told);
             for (axis, told_rad) in told.into_iter().enumerate() {
-                let servo = &held.broken.gimbal_servo[axis];
+                let servo = &discrete.faults.gimbal_servo[axis];
                 self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told_rad);
-                held.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
+                discrete.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
             }
         } else {
-            held.gimbal_delay.push(now, gimbal);
-            held.gimbal_command_rad = Vector2::from(held.broken.gimbal_told_rad(held.gimbal_delay.at(now)));
+            discrete.gimbal_delay.push(now, gimbal);
+            discrete.gimbal_command_rad =
+                Vector2::from(discrete.faults.gimbal_told_rad(discrete.gimbal_delay.at(now)));
         }
     }
 
@@ -92,14 +95,14 @@ impl Plant {
     }
 
     /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own engine, as a
-    /// well identified controller would, and nothing of what is broken in it.
+    /// well identified controller would, and nothing of what is faults in it.
     fn control_engine(&mut self, on: bool, throttle: Throttle) {
         let now = self.time;
         if !on {
-            self.held.demand = Demand { throttle, solved: None, valve_rad: 0.0, thrust_n: 0.0 };
+            self.discrete.demand = Demand { throttle, solved: None, valve_rad: 0.0, thrust_n: 0.0 };
             return;
         }
-        let demand = &self.held.demand;
+        let demand = &self.discrete.demand;
         let interval = self.paper.as_ref().map_or(ENGINE_CONTROL, |paper| paper.step);
         let fresh = demand.solved.is_some_and(|at| now.since(at) < interval);
         if fresh && demand.throttle == throttle {
@@ -121,7 +124,7 @@ impl Plant {
         let (valve_rad, thrust_n, saturated) = match throttle {
             Throttle::ThrustN(thrust_n) => {
                 let inverse = match &self.paper {
-                    None => engine.inverse(feed, thrust_n.max(least_n), &condition, self.held.guess),
+                    None => engine.inverse(feed, thrust_n.max(least_n), &condition, self.discrete.guess),
                     Some(paper) => paper.engine.inverse(engine, feed, thrust_n.max(least_n), &condition),
                 };
                 (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
@@ -130,16 +133,16 @@ impl Plant {
                 let valve_rad = valve_rad.min(self.vehicle.valve_servo.upper_rad);
                 let area_m2 = engine.valve_area().area_m2(valve_rad);
                 let point = match &self.paper {
-                    None => engine.operating_point(feed, area_m2, &condition, self.held.guess),
+                    None => engine.operating_point(feed, area_m2, &condition, self.discrete.guess),
                     Some(paper) => paper.engine.operating_point(engine, feed, area_m2, &condition),
                 };
                 // Thrust rises with the angle, so the minimum is solved for only where it is undercut.
                 if point.thrust_n < least_n {
-                    let held = match &self.paper {
-                        None => engine.inverse(feed, least_n, &condition, self.held.guess),
+                    let discrete = match &self.paper {
+                        None => engine.inverse(feed, least_n, &condition, self.discrete.guess),
                         Some(paper) => paper.engine.inverse(engine, feed, least_n, &condition),
                     };
-                    (held.valve_rad, least_n, held.saturated)
+                    (discrete.valve_rad, least_n, discrete.saturated)
                 } else {
                     (valve_rad, point.thrust_n, false)
                 }
@@ -147,12 +150,12 @@ impl Plant {
         };
         if saturated && thrust_n > 0.0 {
             // Once per excursion: a demand that rides the limit is one.
-            if self.held.saturated.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
+            if self.discrete.saturated.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
                 self.note("saturated", format!("{thrust_n:.0} N asked for"));
             }
-            self.held.saturated = Some(now);
+            self.discrete.saturated = Some(now);
         }
         let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
-        self.held.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
+        self.discrete.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
     }
 }

@@ -11,8 +11,8 @@ use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Vec3, quaternion_rate};
 use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, Feed, NitrogenState, OperatingPoint, Outlet, Pair, PairLevels,
-    Stores, Uncovering, Withdrawal,
+    ChamberGas, ChamberModel, EngineCondition, Feed, GasIngestion, NitrogenState, OperatingPoint, Outlet,
+    Pair, PairLevels, Stores, Withdrawal,
 };
 use crate::vehicle::GasSupply;
 
@@ -28,7 +28,7 @@ impl Plant {
         let tail_s = parameters.depletion.tail_time_constant_s;
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
-        let drain_s = if self.held.nitrous_depleted { tail_s } else { self.drain_s() };
+        let drain_s = if self.discrete.nitrous_depleted { tail_s } else { self.drain_s() };
         let two_phase = self.vehicle.uncovering.is_some();
         let (outlet, inert_share) = self.outlet(state);
         EngineCondition {
@@ -50,7 +50,7 @@ impl Plant {
                 state.nitrous_kg.max(0.0) / drain_s
             },
             outlet,
-            damage: self.held.broken.damage(),
+            damage: self.discrete.faults.damage(),
         }
     }
 
@@ -58,7 +58,7 @@ impl Plant {
     #[inline]
     pub(super) fn burning_share(&self, state: &State) -> f64 {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        let (fuel_kg, full_kg) = (self.usable_fuel_kg(state), tail_s * self.held.full_fuel_kg_s);
+        let (fuel_kg, full_kg) = (self.usable_fuel_kg(state), tail_s * self.discrete.full_fuel_kg_s);
         if fuel_kg < full_kg { state.burning_fraction.min(fuel_kg / full_kg) } else { state.burning_fraction }
     }
 
@@ -71,7 +71,7 @@ impl Plant {
         }
     }
 
-    fn uncovered_outlet(&self, uncovering: &Uncovering, state: &State) -> (Option<Outlet>, f64) {
+    fn uncovered_outlet(&self, uncovering: &GasIngestion, state: &State) -> (Option<Outlet>, f64) {
         let Some([valve_gas, injector_gas]) = uncovering.gas_shares(state.nitrous_kg) else {
             return (None, 0.0);
         };
@@ -87,9 +87,9 @@ impl Plant {
             gas_kg_m3: view.ullage_density_kg_m3(),
         };
         // The inlet pressure of the last solution: it moves by some thousandths in a step.
-        let solved_pa = self.held.guess.injector_inlet_pa;
+        let solved_pa = self.discrete.guess.injector_inlet_pa;
         let inlet_pa = if solved_pa > 0.0 { solved_pa } else { outlet.gas_pa };
-        let inlet = self.held.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
+        let inlet = self.discrete.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
         let gas_share = outlet.gas_mass_share(inlet_pa, inlet.state.density_kg_m3);
         (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
@@ -102,7 +102,7 @@ impl Plant {
     /// The same for the steps themselves, which compute nothing of it that they do not use.
     #[inline(always)]
     pub(super) fn evaluate_inline(&self, state: &State, share: f64) -> Evaluation {
-        let (vehicle, held) = (&self.vehicle, &self.held);
+        let (vehicle, discrete) = (&self.vehicle, &self.discrete);
 
         // Actuators.
         let (valve, valve_rate) = self.valve(state);
@@ -111,10 +111,10 @@ impl Plant {
 
         // Feed and combustion.
         let valve_area_m2 = self.valve_area_m2(valve.angle_rad);
-        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, held.isolation);
+        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, discrete.isolation);
         let ambient_pa = self.environment.atmosphere.pressure_pa;
         let mut supply = vehicle.gas_supply(&self.stores(state), ambient_pa);
-        let feed = held.feed.at(supply.nitrogen().tank_pa, supply.nitrogen().liquid_k);
+        let feed = discrete.feed.at(supply.nitrogen().tank_pa, supply.nitrogen().liquid_k);
         let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, share);
         // Within a step the tank still holds what the manifold has taken up since it began.
         let nitrous_kg = state.nitrous_kg - stored_kg;
@@ -126,7 +126,7 @@ impl Plant {
         }
         let pressurant = *supply.nitrogen();
         let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let mut vent_kg_s = vehicle.vent_kg_s(&supply, held.vent, ambient_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&supply, discrete.vent, ambient_pa);
         let [left, vented] = supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
         if left < 1.0 {
             thrusters.force_body_n *= left;
@@ -190,11 +190,11 @@ impl Plant {
             state.rate_body_rad_s,
         );
         let contact = if self.options.ground {
-            vehicle.landing_gear.contact(&self.pads_body_m, &motion, 0.0, &held.anchors, held.grip)
+            vehicle.landing_gear.contact(&self.pads_body_m, &motion, 0.0, &discrete.anchors, discrete.grip)
         } else {
             Contact::NONE
         };
-        let disturbed = &held.disturbed;
+        let disturbed = &discrete.disturbed;
         let thrust_line =
             rigid_body::thrust_direction_body(gimbal.angle_rad + Vector2::from(disturbed.misalignment_rad));
         let [offset_x, offset_y] = disturbed.thrust_offset_m;
@@ -263,7 +263,7 @@ impl Plant {
                 .fuel_flow_rate_kg_s2(state.fuel_flow_kg_s, engine.steady_fuel_kg_s),
             burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
                 state.burning_fraction,
-                held.flame.lit,
+                discrete.flame.lit,
                 &vehicle.engine_parameters.depletion,
             ),
             valve_rad: valve_rate.angle_rad,
@@ -362,19 +362,19 @@ impl Plant {
         let (mut point, stored_kg) = match &self.paper {
             None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, share),
             None => {
-                let guess = self.held.guess_at(share);
+                let guess = self.discrete.warm_start_at(share);
                 (engine.operating_point_inline(feed, valve_area_m2, &self.condition(state), guess), 0.0)
             }
             Some(paper) => match paper.point {
-                Some(held) => return (held, 0.0),
+                Some(discrete) => return (discrete, 0.0),
                 None => {
                     (paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)), 0.0)
                 }
             },
         };
-        let surge = &self.held.broken.surge;
+        let surge = &self.discrete.faults.surge;
         point.chamber_pa += surge.chamber_pa;
-        point.thrust_n = self.held.disturbed.thrust_n(point.thrust_n + surge.thrust_n());
+        point.thrust_n = self.discrete.disturbed.thrust_n(point.thrust_n + surge.thrust_n());
         (point, stored_kg)
     }
 
@@ -388,7 +388,7 @@ impl Plant {
         if self.options.ideal {
             return Vec3::zeros();
         }
-        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.held.rcs_open);
+        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.discrete.rcs_open);
         Vec3::new(rate.a, rate.b, 0.0)
     }
 
@@ -398,10 +398,10 @@ impl Plant {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());
         }
-        let servo = &self.held.broken.valve_servo;
+        let servo = &self.discrete.faults.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
-        let memory = &self.held.valve_memory;
-        let rate = servo.rate(&at, self.held.valve_command_rad, memory);
+        let memory = &self.discrete.valve_memory;
+        let rate = servo.rate(&at, self.discrete.valve_command_rad, memory);
         let output = servo.output(&at, &rate, memory);
         (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
     }
@@ -413,10 +413,10 @@ impl Plant {
             return (motion, [Vector2::zeros(); 2]);
         }
         let axis = |axis: usize| {
-            let servo = &self.held.broken.gimbal_servo[axis];
+            let servo = &self.discrete.faults.gimbal_servo[axis];
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
-            let memory = &self.held.gimbal_memory[axis];
-            let rate = servo.rate(&at, self.held.gimbal_command_rad[axis], memory);
+            let memory = &self.discrete.gimbal_memory[axis];
+            let rate = servo.rate(&at, self.discrete.gimbal_command_rad[axis], memory);
             (servo.output(&at, &rate, memory), rate)
         };
         let ((x, x_rate), (y, y_rate)) = (axis(0), axis(1));

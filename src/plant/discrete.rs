@@ -1,6 +1,6 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, PlantEvent, Settled, State};
+use super::{CachedRate, Evaluation, Plant, PlantEvent, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::fluid::Nitrous;
@@ -23,34 +23,34 @@ impl Plant {
         let state = &self.state;
         self.environment.wind.advance(dt_s, -state.position_ned_m.z, state.velocity_ned_m_s);
         let (time, mission_s, events) = (self.time, self.mission_s(), &mut self.events);
-        self.held.disturbed = self.disturbances.advance(dt_s, mission_s, |name, begins| {
+        self.discrete.disturbed = self.disturbances.advance(dt_s, mission_s, |name, begins| {
             let detail = format!("{name} {}", if begins { "begins" } else { "ends" });
             events.push(PlantEvent { time, name: "disturbance", detail: detail.trim_start().to_owned() });
         });
     }
 
     /// Discrete events after a step.
-    pub(super) fn settle(&mut self) {
+    pub(super) fn finish_step(&mut self) {
         // Play and friction: before the evaluation, which begins the next step.
         let state = &self.state;
         if state.valve_rad > 0.0 {
-            self.held.valve_memory =
-                self.held.broken.valve_servo.memory_after(state.valve_rad, &self.held.valve_memory);
+            self.discrete.valve_memory =
+                self.discrete.faults.valve_servo.memory_after(state.valve_rad, &self.discrete.valve_memory);
         }
         self.take_up_gimbal();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         let inputs = self.inputs(&self.state);
-        let guess = (self.held.guess, self.held.trend_pa);
+        let guess = (self.discrete.guess, self.discrete.trend_pa);
         match &mut self.settled {
             // In place: a rate is large.
             Some(settled) => (settled.inputs, settled.rate, settled.guess) = (inputs, now.rate, guess),
-            None => self.settled = Some(Settled { inputs, rate: now.rate, guess }),
+            None => self.settled = Some(CachedRate { inputs, rate: now.rate, guess }),
         }
         self.snapshot = self.snapshot_of(&now);
-        self.held.look_from(now.engine.guess);
-        if now.acceleration.status == SolveStatus::Singular && !self.held.singular {
-            self.held.singular = true;
+        self.discrete.update_warm_start(now.engine.guess);
+        if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
+            self.discrete.singular = true;
             self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
         }
 
@@ -64,48 +64,48 @@ impl Plant {
         self.state.fuel_flow_kg_s = self.state.fuel_flow_kg_s.max(0.0);
 
         // A thruster that has died away is off; its first-order decay would never end.
-        for (axis, open) in [(0, self.held.rcs_open.a), (1, self.held.rcs_open.b)] {
+        for (axis, open) in [(0, self.discrete.rcs_open.a), (1, self.discrete.rcs_open.b)] {
             if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF {
                 self.state.rcs_level[axis] = 0.0;
             }
         }
 
         // A ball that is told to shut seats; a servo alone would only ever come near.
-        if self.held.valve_command_rad <= 0.0
-            && self.held.broken.valve_servo.drive_share > 0.0
+        if self.discrete.valve_command_rad <= 0.0
+            && self.discrete.faults.valve_servo.drive_share > 0.0
             && self.state.valve_rad.abs() < SEATED_RAD
             && self.state.valve_rad_s.abs() < SEATED_RAD_S
         {
             self.state.valve_rad = 0.0;
             self.state.valve_rad_s = 0.0;
-            self.held.valve_memory = ServoMemory::default();
+            self.discrete.valve_memory = ServoMemory::default();
         }
 
-        self.settle_faults(&now);
-        self.settle_flame(&now);
+        self.finish_faults(&now);
+        self.advance_flame(&now);
 
         // Depletion.
-        if !self.held.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
-            self.held.nitrous_depleted = true;
+        if !self.discrete.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
+            self.discrete.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
         self.watch_the_tank(&now.pressurant);
-        let asked = self.held.demand.valve_rad > 0.0;
-        let flows = self.held.isolation > 0.0 && (asked || self.flows_unasked(&now));
+        let asked = self.discrete.demand.valve_rad > 0.0;
+        let flows = self.discrete.isolation > 0.0 && (asked || self.flows_unasked(&now));
         // A map costs some steps' time, so it waits until something flows.
         if flows {
-            self.held.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k);
+            self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k);
         }
 
         // Feet.
         if self.options.ground {
-            let (gear, held) = (&self.vehicle.landing_gear, &self.held);
-            if !gear.clear_of_ground(&now.motion, 0.0) || held.anchors.count() > 0 {
+            let (gear, discrete) = (&self.vehicle.landing_gear, &self.discrete);
+            if !gear.clear_of_ground(&now.motion, 0.0) || discrete.anchors.count() > 0 {
                 let anchors =
-                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &held.anchors, held.grip);
-                if anchors != held.anchors {
+                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &discrete.anchors, discrete.grip);
+                if anchors != discrete.anchors {
                     self.settled = None;
-                    self.held.anchors = anchors;
+                    self.discrete.anchors = anchors;
                 }
             }
         }
@@ -115,7 +115,7 @@ impl Plant {
     fn watch_the_tank(&mut self, now: &NitrogenState) {
         let high = now.tank_pa > self.vehicle.pressurant.regulator.greatest_pa();
         let low = !now.regulated && !high;
-        if low && !self.held.bottle_low {
+        if low && !self.discrete.bottle_low {
             let mut detail = format!("bottle {:.1} bar", now.bottle_pa * 1e-5);
             if self.vehicle.tank.ullage.model == UllageModel::ConstantTemperature {
                 let vapor_pa = Nitrous::tables().vapor_pressure_pa(now.liquid_k);
@@ -126,45 +126,45 @@ impl Plant {
             }
             self.note("bottle_low", detail);
         }
-        if high && !self.held.tank_high {
+        if high && !self.discrete.tank_high {
             self.note(
                 "tank_high",
                 format!("tank {:.1} bar, above its regulator; no relief valve", now.tank_pa * 1e-5),
             );
         }
-        (self.held.bottle_low, self.held.tank_high) = (low, high);
+        (self.discrete.bottle_low, self.discrete.tank_high) = (low, high);
     }
 
     /// Lights or goes out; notices when fuel begins to limit the flame.
-    fn settle_flame(&mut self, now: &Evaluation) {
+    fn advance_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
         let burning = (1.0 - self.outlet(&self.state).1) * self.burning_share(&self.state);
         if now.engine.steady_fuel_kg_s > 0.0 && burning > 0.0 {
-            self.held.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
+            self.discrete.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
         }
         let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
-        if !self.held.burnt_through
-            && self.held.full_fuel_kg_s > 0.0
-            && self.usable_fuel_kg(&self.state) < tail_s * self.held.full_fuel_kg_s
+        if !self.discrete.burnt_through
+            && self.discrete.full_fuel_kg_s > 0.0
+            && self.usable_fuel_kg(&self.state) < tail_s * self.discrete.full_fuel_kg_s
         {
-            self.held.burnt_through = true;
+            self.discrete.burnt_through = true;
             self.note("fuel_burn_through", chamber());
         }
         let flame = self.vehicle.engine_parameters.ignition.advance(
-            &self.held.flame,
+            &self.discrete.flame,
             &FlameConditions {
                 time: self.time,
-                igniter: self.held.igniter && !self.held.broken.effect.igniter_dead,
+                igniter: self.discrete.igniter && !self.discrete.faults.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
-                fuel_left: !self.held.burnt_through || (self.held.flame.lit && burning > FLICKER),
-                late_s: self.held.broken.effect.light_delay_s,
+                fuel_left: !self.discrete.burnt_through || (self.discrete.flame.lit && burning > FLICKER),
+                late_s: self.discrete.faults.effect.light_delay_s,
             },
         );
-        match (self.held.flame.lit, flame.lit) {
+        match (self.discrete.flame.lit, flame.lit) {
             (false, true) => {
-                self.held.ignition.get_or_insert(self.time);
+                self.discrete.ignition.get_or_insert(self.time);
                 self.light_pool(now);
                 self.note("ignition", chamber());
             }
@@ -175,7 +175,7 @@ impl Plant {
             }
             _ => {}
         }
-        self.held.flame = flame;
+        self.discrete.flame = flame;
     }
 
     /// Fuel that can still burn: ports that meet leave slivers (kg).

@@ -1,4 +1,4 @@
-//! What is broken in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame and engine.
+//! What is faults in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame and engine.
 //!
 //! Everything here changes between steps. The engine controller goes on with the sound engine ([`super::command`]): a
 //! valve that is off or a chamber that burns badly is seen as thrust that is not what was asked for. It reads the
@@ -18,7 +18,7 @@ use crate::vehicle::GasModel;
 
 /// Faults that act, and what they have left behind.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Broken {
+pub(super) struct FaultState {
     pub(super) effect: PlantEffect,
     /// The servos as they are now.
     pub(super) valve_servo: Servo,
@@ -32,7 +32,7 @@ pub(super) struct Broken {
     pub(super) surge: Surge,
 }
 
-impl Broken {
+impl FaultState {
     /// A sound vehicle.
     pub(super) fn none(valve_servo: Servo, gimbal_servo: Servo) -> Self {
         Self {
@@ -97,7 +97,7 @@ fn told_rad(effect: &ServoEffect, command_rad: f64, limit_rad: f64) -> f64 {
 }
 
 /// A servo with what has befallen it.
-fn afflicted(sound: &Servo, effect: &ServoEffect) -> Servo {
+fn with_fault(sound: &Servo, effect: &ServoEffect) -> Servo {
     Servo {
         drive_share: if effect.stuck { 0.0 } else { effect.rate_share },
         backlash_rad: sound.backlash_rad + effect.slack_rad,
@@ -106,17 +106,17 @@ fn afflicted(sound: &Servo, effect: &ServoEffect) -> Servo {
 }
 
 impl Plant {
-    /// What is broken from now on, in place of what was.
+    /// What is faults from now on, in place of what was.
     pub fn set_faults(&mut self, effect: &PlantEffect) {
-        if self.held.broken.effect == *effect {
+        if self.discrete.faults.effect == *effect {
             return;
         }
         let before = self.gimbal(&self.state).0;
-        let broken = &mut self.held.broken;
-        broken.effect = *effect;
-        broken.valve_servo = afflicted(&self.vehicle.valve_servo, &effect.valve);
-        for (servo, effect) in broken.gimbal_servo.iter_mut().zip(&effect.gimbal) {
-            *servo = afflicted(&self.vehicle.gimbal_servo, effect);
+        let faults = &mut self.discrete.faults;
+        faults.effect = *effect;
+        faults.valve_servo = with_fault(&self.vehicle.valve_servo, &effect.valve);
+        for (servo, effect) in faults.gimbal_servo.iter_mut().zip(&effect.gimbal) {
+            *servo = with_fault(&self.vehicle.gimbal_servo, effect);
         }
         // Play that comes or goes lets the engine loose or takes it along.
         self.jolt_from(before);
@@ -128,7 +128,7 @@ impl Plant {
     pub(super) fn valve_area_m2(&self, valve_rad: f64) -> f64 {
         let valve = self.vehicle.engine.valve_area();
         let area_m2 = valve.area_m2(valve_rad);
-        let leak_share = self.held.broken.effect.valve_leak_share;
+        let leak_share = self.discrete.faults.effect.valve_leak_share;
         if leak_share <= 0.0 {
             return area_m2;
         }
@@ -144,32 +144,32 @@ impl Plant {
             nitrogen_kg: state.nitrogen_kg,
             nitrous_kg: state.nitrous_kg,
             gas: state.gas,
-            regulator_sag_pa: self.held.broken.sag_pa,
+            regulator_sag_pa: self.discrete.faults.sag_pa,
         }
     }
 
     /// Whether oxidiser flows through a valve that should be shut.
     pub(super) fn flows_unasked(&self, now: &Evaluation) -> bool {
-        self.held.broken.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
+        self.discrete.faults.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
     }
 
     /// Regulator, pool and surge a step later.
-    pub(super) fn settle_faults(&mut self, now: &Evaluation) {
+    pub(super) fn finish_faults(&mut self, now: &Evaluation) {
         self.settle_regulator(now);
         let step_s = self.step.s();
-        let broken = &mut self.held.broken;
-        broken.surge = broken.surge.after(step_s);
-        let pooling_kg_s = broken.effect.hard_start * now.engine.oxidizer_kg_s;
+        let faults = &mut self.discrete.faults;
+        faults.surge = faults.surge.after(step_s);
+        let pooling_kg_s = faults.effect.hard_start * now.engine.oxidizer_kg_s;
         // Without flow the pool boils off, beside a flame there is none.
-        let pools = pooling_kg_s > 0.0 && !self.held.flame.lit;
-        broken.pool_kg = if pools { broken.pool_kg + pooling_kg_s * step_s } else { 0.0 };
+        let pools = pooling_kg_s > 0.0 && !self.discrete.flame.lit;
+        faults.pool_kg = if pools { faults.pool_kg + pooling_kg_s * step_s } else { 0.0 };
     }
 
     fn settle_regulator(&mut self, now: &Evaluation) {
-        let Broken { effect, sag_pa, .. } = self.held.broken;
+        let FaultState { effect, sag_pa, .. } = self.discrete.faults;
         let droop_pa = effect.regulator_droop_pa;
         // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on letting out.
-        let shut_in_kg = &mut self.held.broken.shut_in_kg;
+        let shut_in_kg = &mut self.discrete.faults.shut_in_kg;
         if droop_pa <= sag_pa || *shut_in_kg <= 0.0 {
             *shut_in_kg = now.pressurant.tank_kg;
         } else {
@@ -180,11 +180,11 @@ impl Plant {
             return;
         }
         let regulator = &self.vehicle.pressurant.regulator;
-        self.held.broken.sag_pa = match self.vehicle.gas_model {
+        self.discrete.faults.sag_pa = match self.vehicle.gas_model {
             GasModel::Balanced(_) => droop_pa,
             GasModel::Distributed if droop_pa > sag_pa => {
                 let room_m3 = self.vehicle.ullage_m3(self.state.nitrous_kg);
-                let shut_in_kg_m3 = self.held.broken.shut_in_kg / room_m3.max(f64::MIN_POSITIVE);
+                let shut_in_kg_m3 = self.discrete.faults.shut_in_kg / room_m3.max(f64::MIN_POSITIVE);
                 let shut_in_pa = self.vehicle.pressurant_gas.ullage.pressure_pa(shut_in_kg_m3);
                 (regulator.set_pressure_pa - shut_in_pa).clamp(sag_pa, droop_pa)
             }
@@ -198,11 +198,11 @@ impl Plant {
 
     /// The flame meets what has pooled.
     pub(super) fn light_pool(&mut self, now: &Evaluation) {
-        let pool_kg = self.held.broken.pool_kg;
+        let pool_kg = self.discrete.faults.pool_kg;
         let condition = self.condition(&self.state);
         let engine = &self.vehicle.engine;
-        self.held.broken.surge =
+        self.discrete.faults.surge =
             engine.hard_start(&condition, now.engine.oxidizer_kg_s, pool_kg, self.step.s());
-        self.held.broken.pool_kg = 0.0;
+        self.discrete.faults.pool_kg = 0.0;
     }
 }

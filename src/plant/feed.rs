@@ -16,7 +16,7 @@ impl Plant {
     pub(super) fn feed_in(&self, state: &State) -> Feed<'_> {
         let supply = self.vehicle.gas_supply(&self.stores(state), self.environment.atmosphere.pressure_pa);
         let tank = supply.nitrogen();
-        self.held.feed.at(tank.tank_pa, tank.liquid_k)
+        self.discrete.feed.at(tank.tank_pa, tank.liquid_k)
     }
 
     /// Takes down what drives the feed system at the beginning of a step, commands obeyed.
@@ -31,13 +31,14 @@ impl Plant {
         let head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
         let start = self.feed_input(&self.state, head_pa);
         // The feed does not feel a surge.
-        let chamber_pa = now.chamber_pa - self.held.broken.surge.chamber_pa;
+        let chamber_pa = now.chamber_pa - self.discrete.faults.surge.chamber_pa;
         let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, chamber_pa);
         // Within the step the head goes on as it went in the last one.
-        self.held.head_trend_pa = if self.held.head_pa > 0.0 { head_pa - self.held.head_pa } else { 0.0 };
-        self.held.head_pa = head_pa;
-        self.held.feed_stages = stages;
-        self.held.feed_start = start;
+        self.discrete.head_trend_pa =
+            if self.discrete.head_pa > 0.0 { head_pa - self.discrete.head_pa } else { 0.0 };
+        self.discrete.head_pa = head_pa;
+        self.discrete.feed_stages = stages;
+        self.discrete.feed_start = start;
     }
 
     /// The feed system's step.
@@ -48,7 +49,7 @@ impl Plant {
         let open_area_m2 = self.feed_input(&self.state, 0.0).valve_area_m2;
         let feed = self.feed_in(&self.state);
         let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
-        self.held.guess.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
+        self.discrete.guess.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
         // What is injected and what is stored come of two methods, whose errors an empty tank cannot pay.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
         let given_kg = taken_kg.min(self.state.nitrous_kg);
@@ -75,7 +76,7 @@ impl Plant {
         let FeedInput { valve_area_m2, condition, .. } = self.feed_input(&self.state, 0.0);
         let feed = self.feed_in(&self.state);
         let steady = EngineCondition { fuel_flow_kg_s: None, ..condition };
-        let point = engine.operating_point(feed, valve_area_m2, &steady, self.held.guess);
+        let point = engine.operating_point(feed, valve_area_m2, &steady, self.discrete.guess);
         let fed = engine.feed_steady(feed, &point);
         self.state.manifold_kg = fed.manifold_kg;
         self.state.line_kg_s = fed.line_kg_s;
@@ -83,23 +84,23 @@ impl Plant {
     }
 
     fn feed_after(&self, feed: &Feed<'_>, state: &State, open_area_m2: f64, share: f64) -> FeedPoint {
-        let held = &self.held;
+        let discrete = &self.discrete;
         let step = FeedStep {
             from: FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s },
-            start: held.feed_start,
-            stages: held.feed_stages,
+            start: discrete.feed_start,
+            stages: discrete.feed_stages,
         };
-        let head_pa = (held.head_pa + share * held.head_trend_pa).max(0.0);
+        let head_pa = (discrete.head_pa + share * discrete.head_trend_pa).max(0.0);
         let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.condition(state) };
         let elapsed_s = share * self.step.s();
-        self.vehicle.engine.feed_point(feed, &step, &now, elapsed_s, held.guess_at(share))
+        self.vehicle.engine.feed_point(feed, &step, &now, elapsed_s, discrete.warm_start_at(share))
     }
 
     fn feed_input(&self, state: &State, head_pa: f64) -> FeedInput {
         let (valve, _) = self.valve(state);
         let valve_area_m2 = self.valve_area_m2(valve.angle_rad);
         FeedInput {
-            valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.held.isolation),
+            valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.discrete.isolation),
             head_pa,
             condition: self.condition(state),
         }

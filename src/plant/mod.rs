@@ -5,7 +5,7 @@
 //! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
 //! isolation and vent valves, contact anchors, pulses of the thrusters, events.
 //!
-//! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings held still for
+//! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings discrete still for
 //! studies (`freeze.rs`).
 
 mod command;
@@ -29,7 +29,7 @@ pub use state::{Rate, State};
 use nalgebra::Vector2;
 
 use crate::actuator::{DelayLine, ServoMemory};
-use crate::disturbance::{Disturbances, Effect, Standing};
+use crate::disturbance::{ConstantDisturbance, Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
@@ -38,8 +38,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    FeedGrid, FeedInput, Flame, GasState, Guess, Modulator, NitrogenState, OperatingPoint, PairLevels,
-    Stages, Triangle,
+    FeedGrid, FeedInput, Flame, GasState, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
+    Triangle, WarmStart,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -47,7 +47,7 @@ use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
-use fault::Broken;
+use fault::FaultState;
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
@@ -63,7 +63,7 @@ pub struct Plant {
     step: SimTime,
     time: SimTime,
     state: State,
-    held: Held,
+    discrete: DiscreteState,
     disturbances: Disturbances,
     sequence: Sequence,
     events: Vec<PlantEvent>,
@@ -71,7 +71,7 @@ pub struct Plant {
     frozen: Frozen,
     /// `None`: full fidelity.
     paper: Option<Paper>,
-    settled: Option<Settled>,
+    settled: Option<CachedRate>,
 }
 
 /// What somebody at a bench adds to the world in mid-run; by default nothing.
@@ -80,22 +80,22 @@ pub struct Interference {
     /// Wind on top of the scenario's (m/s).
     pub wind_ned_m_s: Vec3,
     /// Disturbance on top of the scenario's.
-    pub standing: Standing,
+    pub standing: ConstantDisturbance,
 }
 
 /// The evaluation at the end of a step, which is the first stage of the next one unless something discrete
 /// has changed since.
 #[derive(Clone, Copy, Debug)]
-struct Settled {
+struct CachedRate {
     inputs: Inputs,
     rate: Rate,
     /// Where the solver looked first.
-    guess: (Guess, [[f64; 2]; 2]),
+    guess: (WarmStart, [[f64; 2]; 2]),
 }
 
 /// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. Play and
 /// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
-/// whose change makes [`Plant::settle`] forget, nor are faults, whose change makes [`Plant::set_faults`] forget. Whoever lets [`Plant::evaluate`] read something else that
+/// whose change makes [`Plant::finish_step`] forget, nor are faults, whose change makes [`Plant::set_faults`] forget. Whoever lets [`Plant::evaluate`] read something else that
 /// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
 /// fresh one from the same guess, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,7 +150,7 @@ struct Outlets {
 
 /// Everything discrete: constant inside a step.
 #[derive(Clone, Debug)]
-struct Held {
+struct DiscreteState {
     /// Valve angle and gimbal angles as they reach the servos (rad).
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
@@ -173,7 +173,7 @@ struct Held {
     head_trend_pa: f64,
     /// Where the engine's solver looks first, and the first and second differences per step of its two
     /// pressures (Pa), injector inlet and chamber.
-    guess: Guess,
+    guess: WarmStart,
     trend_pa: [[f64; 2]; 2],
     modulator: Modulator,
     /// Share of the step in which the valves of each thruster pair are open.
@@ -195,13 +195,13 @@ struct Held {
     singular: bool,
     /// What disturbs the vehicle.
     disturbed: Effect,
-    /// What is broken.
-    broken: Broken,
+    /// What is faults.
+    faults: FaultState,
 }
 
-impl Held {
+impl DiscreteState {
     /// Where the solver looks first, `share` of a step on: as it moved in the last steps.
-    fn guess_at(&self, share: f64) -> Guess {
+    fn warm_start_at(&self, share: f64) -> WarmStart {
         let mut guess = self.guess;
         let (first, second) = (share, 0.5 * share * (share + 1.0));
         let [inlet, chamber] = &self.trend_pa;
@@ -211,7 +211,7 @@ impl Held {
     }
 
     /// Takes in the solution at the end of a step.
-    fn look_from(&mut self, next: Guess) {
+    fn update_warm_start(&mut self, next: WarmStart) {
         let settled = self.guess.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
         let before = [self.guess.injector_inlet_pa, self.guess.near.pressure.pa];
         let now = [next.injector_inlet_pa, next.near.pressure.pa];
@@ -285,7 +285,7 @@ impl Plant {
         if self.paper.is_some() {
             self.step_paper(command);
         } else {
-            self.obey(command);
+            self.latch_commands(command);
             self.begin_feed();
             let dt_s = self.step.s();
             let first = self.first_rate();
@@ -305,14 +305,14 @@ impl Plant {
         }
         self.time = self.time + self.step;
         self.disturb(self.step.s());
-        self.settle();
+        self.finish_step();
     }
 
     /// Wind and disturbances that somebody at a bench adds: wind from the next step on, the rest from the one after.
     pub fn interfere(&mut self, interference: &Interference) {
         let Interference { wind_ned_m_s, standing } = *interference;
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
-        self.disturbances.stand((standing != Standing::default()).then_some(standing));
+        self.disturbances.stand((standing != ConstantDisturbance::default()).then_some(standing));
         // The evaluation at the end of the last step knows nothing of it.
         self.settled = None;
     }
@@ -327,7 +327,7 @@ impl Plant {
     fn first_rate(&mut self) -> Rate {
         let settled = self.settled.as_ref();
         match settled.filter(|at| at.inputs == self.inputs(&self.state)) {
-            Some(&Settled { rate, guess, .. }) => {
+            Some(&CachedRate { rate, guess, .. }) => {
                 debug_assert!(self.repeats(&rate, guess), "Inputs lacks something that evaluate reads");
                 rate
             }
@@ -336,11 +336,11 @@ impl Plant {
     }
 
     /// Whether an evaluation from a guess gives the same rate again.
-    fn repeats(&mut self, rate: &Rate, guess: (Guess, [[f64; 2]; 2])) -> bool {
-        let now = (self.held.guess, self.held.trend_pa);
-        (self.held.guess, self.held.trend_pa) = guess;
+    fn repeats(&mut self, rate: &Rate, guess: (WarmStart, [[f64; 2]; 2])) -> bool {
+        let now = (self.discrete.guess, self.discrete.trend_pa);
+        (self.discrete.guess, self.discrete.trend_pa) = guess;
         let fresh = self.rate(&self.state, 0.0);
-        (self.held.guess, self.held.trend_pa) = now;
+        (self.discrete.guess, self.discrete.trend_pa) = now;
         let [a, b] = [rate, &fresh].map(|rate| State::EMPTY.advanced(rate, 1.0));
         // Written so that what is not a number is the same as everything.
         !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 0.0)
@@ -349,7 +349,7 @@ impl Plant {
     /// What [`Plant::evaluate`] reads and what may change between steps.
     #[inline]
     fn inputs(&self, state: &State) -> Inputs {
-        let held = &self.held;
+        let discrete = &self.discrete;
         Inputs {
             nitrous_kg: state.nitrous_kg,
             nitrogen_kg: state.nitrogen_kg,
@@ -361,19 +361,19 @@ impl Plant {
             rcs_level: state.rcs_level,
             burning_fraction: state.burning_fraction,
             burning_share: self.burning_share(state),
-            nitrous_depleted: held.nitrous_depleted,
-            regulator_sag_pa: held.broken.sag_pa,
-            surge_pa: held.broken.surge.chamber_pa,
-            head_pa: held.head_pa,
-            feed_triangle: held.feed.triangle(),
-            valve_command_rad: held.valve_command_rad,
-            gimbal_command_rad: held.gimbal_command_rad,
-            isolation: held.isolation,
-            vent: held.vent,
-            rcs_open: held.rcs_open,
-            lit: held.flame.lit,
-            ignition: held.ignition,
-            grip: held.grip,
+            nitrous_depleted: discrete.nitrous_depleted,
+            regulator_sag_pa: discrete.faults.sag_pa,
+            surge_pa: discrete.faults.surge.chamber_pa,
+            head_pa: discrete.head_pa,
+            feed_triangle: discrete.feed.triangle(),
+            valve_command_rad: discrete.valve_command_rad,
+            gimbal_command_rad: discrete.gimbal_command_rad,
+            isolation: discrete.isolation,
+            vent: discrete.vent,
+            rcs_open: discrete.rcs_open,
+            lit: discrete.flame.lit,
+            ignition: discrete.ignition,
+            grip: discrete.grip,
         }
     }
 
@@ -395,7 +395,7 @@ impl Plant {
     }
 
     pub(super) fn mission_s_at(&self, share: f64) -> f64 {
-        match self.held.ignition {
+        match self.discrete.ignition {
             Some(ignition) => self.time.since(ignition).s() + share * self.step.s(),
             None => -1.0,
         }
@@ -403,7 +403,7 @@ impl Plant {
 
     /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
-        self.held.ignition.map(|ignition| self.time.since(ignition).s())
+        self.discrete.ignition.map(|ignition| self.time.since(ignition).s())
     }
 
     /// Run time.

@@ -14,10 +14,10 @@ use crate::frame::Vec3;
 impl Plant {
     /// Takes in where a step has left the gimbal's play and friction.
     pub(super) fn take_up_gimbal(&mut self) {
-        let servos = self.held.broken.gimbal_servo;
+        let servos = self.discrete.faults.gimbal_servo;
         let play = servos.iter().any(|servo| servo.backlash_rad > 0.0);
         let before = play.then(|| self.gimbal(&self.state).0);
-        for (axis, memory) in self.held.gimbal_memory.iter_mut().enumerate() {
+        for (axis, memory) in self.discrete.gimbal_memory.iter_mut().enumerate() {
             *memory = servos[axis].memory_after(self.state.gimbal_rad[axis], memory);
         }
         if let Some(before) = before {

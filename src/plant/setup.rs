@@ -2,11 +2,11 @@
 
 use nalgebra::{Quaternion, Vector2};
 
-use super::fault::Broken;
+use super::fault::FaultState;
 use super::freeze::Frozen;
 use super::paper::Paper;
 use super::sequence::Sequence;
-use super::{Demand, Held, Options, Outlets, Plant, Snapshot, State, motion};
+use super::{Demand, DiscreteState, Options, Outlets, Plant, Snapshot, State, motion};
 use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
@@ -14,8 +14,8 @@ use crate::environment::Environment;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
-    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, Flame, Guess, Modulator,
-    PairLevels, PaperEngine, Stages, Stores,
+    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, Flame, Modulator,
+    PairLevels, PaperEngine, Stages, Stores, WarmStart,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -126,7 +126,7 @@ impl Plant {
             step,
             time: SimTime::ZERO,
             state,
-            held: Held {
+            discrete: DiscreteState {
                 valve_command_rad: 0.0,
                 gimbal_command_rad: Vector2::zeros(),
                 valve_delay: DelayLine::for_interval(SimTime::from_s(vehicle.valve_delay_s), 0.0, step),
@@ -146,7 +146,7 @@ impl Plant {
                 feed_stages: Stages::Two,
                 head_pa: 0.0,
                 head_trend_pa: 0.0,
-                guess: Guess::default(),
+                guess: WarmStart::default(),
                 trend_pa: Default::default(),
                 modulator: Modulator::default(),
                 rcs_open: PairLevels::default(),
@@ -167,7 +167,7 @@ impl Plant {
                 saturated: None,
                 singular: false,
                 disturbed: Effect::default(),
-                broken: Broken::none(vehicle.valve_servo, vehicle.gimbal_servo),
+                faults: FaultState::none(vehicle.valve_servo, vehicle.gimbal_servo),
             },
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
@@ -186,7 +186,7 @@ impl Plant {
         plant.judge_chamber()?;
         plant.judge_drag()?;
         if options.ground {
-            plant.judge_legs()?;
+            plant.check_step_resolves_legs()?;
             plant.stand()?;
         }
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
@@ -219,7 +219,7 @@ impl Plant {
                 self.feed_in(&self.state),
                 0.0,
                 &condition,
-                Guess::default(),
+                WarmStart::default(),
             );
             gas_kg / point.nozzle_kg_s
         };
@@ -264,7 +264,7 @@ impl Plant {
     }
 
     /// Legs so stiff for the body on them that the fixed step would make it explode.
-    fn judge_legs(&self) -> Result<(), Invalid> {
+    fn check_step_resolves_legs(&self) -> Result<(), Invalid> {
         let fastest_1_s =
             self.vehicle.landing_gear.fastest_rate_1_s(&self.pads_body_m, self.vehicle.mass.dry());
         // RK4 is stable within 2.5 of the origin, anywhere in the left half of the plane.
@@ -289,7 +289,7 @@ impl Plant {
         self.state.rate_body_rad_s = Vec3::zeros();
         let motion = motion(&self.state);
         let gear = &self.vehicle.landing_gear;
-        self.held.anchors =
+        self.discrete.anchors =
             gear.anchors_after(&self.pads_body_m, &motion, 0.0, &Anchors::default(), Grip::Free);
         Ok(())
     }
@@ -297,11 +297,11 @@ impl Plant {
     /// Lights the engine and brings it to its steady state under a command, at step 0.
     pub(super) fn run_steady(&mut self, command: &ActuatorCommand) {
         self.state.burning_fraction = 1.0;
-        self.obey(command);
-        self.state.valve_rad = self.held.demand.valve_rad;
-        self.held.valve_command_rad = self.held.demand.valve_rad;
-        self.held.valve_memory = ServoMemory::at(self.held.demand.valve_rad);
-        self.held.valve_delay = DelayLine::for_interval(
+        self.latch_commands(command);
+        self.state.valve_rad = self.discrete.demand.valve_rad;
+        self.discrete.valve_command_rad = self.discrete.demand.valve_rad;
+        self.discrete.valve_memory = ServoMemory::at(self.discrete.demand.valve_rad);
+        self.discrete.valve_delay = DelayLine::for_interval(
             SimTime::from_s(self.vehicle.valve_delay_s),
             self.state.valve_rad,
             self.step,
@@ -325,7 +325,7 @@ impl Plant {
             };
             self.vehicle
                 .engine
-                .operating_point(self.feed_in(&self.state), area_m2, &condition, self.held.guess)
+                .operating_point(self.feed_in(&self.state), area_m2, &condition, self.discrete.guess)
                 .chamber_gas_rate
         };
         let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {

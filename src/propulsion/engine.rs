@@ -114,18 +114,18 @@ impl EngineCondition {
 /// Where to look first; from the last answer. It changes the time an answer takes, and the answer within
 /// the solver's tolerance only.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Guess {
+pub struct WarmStart {
     /// P2 (Pa).
     pub injector_inlet_pa: f64,
     /// Slope of the flow balance there (kg/(s Pa)).
     pub slope_kg_s_pa: f64,
     /// In the chamber.
-    pub near: Near,
+    pub near: ChamberWarmStart,
 }
 
 /// What the chamber was like, so that what it is like now is a short way off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Near {
+pub struct ChamberWarmStart {
     /// Chamber pressure of what burns.
     pub pressure: NearPressure,
     /// Flux in the ports to the exponent of regression.
@@ -171,8 +171,8 @@ pub struct OperatingPoint {
     pub nozzle_flow: NozzleFlow,
     /// Whether the root was found; without it the numbers are the best known.
     pub solved: bool,
-    /// Guess for the next call.
-    pub guess: Guess,
+    /// WarmStart for the next call.
+    pub guess: WarmStart,
 }
 
 /// Accuracy of P2, relative to the tank's pressure: 6.5 mPa in 65 bar, 1e-6 N of thrust at most.
@@ -182,7 +182,7 @@ pub(super) const INLET_TOLERANCE: f64 = 1e-9;
 const STANDARD_AMBIENT_PA: f64 = 101_325.0;
 
 /// Quantities of one condition that every trial of the root shares.
-pub(super) struct Setting<'a> {
+pub(super) struct EngineAtCondition<'a> {
     pub(super) engine: &'a Engine,
     pub(super) condition: &'a EngineCondition,
     throat: Throat,
@@ -255,13 +255,13 @@ impl Engine {
         for port_radius_m in [self.grain.port_radius_m, self.grain.burn_through_radius_m()] {
             let condition =
                 EngineCondition::burning(port_radius_m, self.nozzle.throat_radius_m(), STANDARD_AMBIENT_PA);
-            let setting = self.setting(&condition);
-            let mut near = Near::default();
+            let at_condition = self.at_condition(&condition);
+            let mut near = ChamberWarmStart::default();
             let mut before_n = 0.0;
             for i in 0..=SAMPLES {
                 let flow_kg_s = least + (most - least) * f64::from(i) / f64::from(SAMPLES);
-                let hot = setting.burning(flow_kg_s, &mut near);
-                let (thrust_n, _) = setting.thrust(flow_kg_s, &hot);
+                let hot = at_condition.burning(flow_kg_s, &mut near);
+                let (thrust_n, _) = at_condition.thrust(flow_kg_s, &hot);
                 if thrust_n <= before_n {
                     let of = hot.of_ratio;
                     let message = format!(
@@ -308,7 +308,7 @@ impl Engine {
 
     /// Growth of the throat (m/s) at a chamber pressure.
     pub(super) fn erosion_m_s(&self, condition: &EngineCondition, chamber_pa: f64) -> f64 {
-        self.setting(condition).erosion_m_s(chamber_pa, &mut Near::default())
+        self.at_condition(condition).erosion_m_s(chamber_pa, &mut ChamberWarmStart::default())
     }
 
     /// The engine without flow, quasi-steady.
@@ -324,7 +324,7 @@ impl Engine {
             outlet: None,
             damage: Damage::NONE,
         };
-        self.setting(&condition).closed(None, Near::default())
+        self.at_condition(&condition).closed(None, ChamberWarmStart::default())
     }
 
     /// Gas of a chamber at rest: unburnt, at ambient pressure.
@@ -340,7 +340,7 @@ impl Engine {
         feed: impl Into<Feed<'f>>,
         valve_area_m2: f64,
         condition: &EngineCondition,
-        guess: Guess,
+        guess: WarmStart,
     ) -> OperatingPoint {
         self.operating_point_inline(&feed.into(), valve_area_m2, condition, guess)
     }
@@ -352,17 +352,17 @@ impl Engine {
         feed: &Feed<'_>,
         valve_area_m2: f64,
         condition: &EngineCondition,
-        guess: Guess,
+        guess: WarmStart,
     ) -> OperatingPoint {
-        let setting = self.setting(condition);
+        let at_condition = self.at_condition(condition);
         let mut near = guess.near;
-        let held = condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
+        let held = condition.chamber_gas.map(|gas| at_condition.held(gas, &mut near));
         let least_pa = held.as_ref().map_or(condition.ambient_pa, |held| held.pressure.pa);
         let tank_pa = feed.tank().pressure_pa;
         let valve_m2 = self.valve_discharge_coefficient * valve_area_m2;
         let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
         if !(valve_m2 > 0.0 && limit_kg_s > 0.0 && tank_pa > least_pa) {
-            return setting.closed(held, near);
+            return at_condition.closed(held, near);
         }
 
         let (mut oxidizer_kg_s, mut outlet_gas_kg_s) = (0.0, 0.0);
@@ -387,8 +387,8 @@ impl Engine {
             let chamber_pa = match &held {
                 Some(held) => held.pressure.pa,
                 None => {
-                    hot = setting.burning_share_of(oxidizer_kg_s, &mut near);
-                    setting.mixed_pa(oxidizer_kg_s, hot.as_ref())
+                    hot = at_condition.burning_share_of(oxidizer_kg_s, &mut near);
+                    at_condition.mixed_pa(oxidizer_kg_s, hot.as_ref())
                 }
             };
             let mut injector_flux = feed.injector_flux_kg_m2_s(&state, chamber_pa);
@@ -397,7 +397,7 @@ impl Engine {
                 injector_flux = outlet.injector_flux(injector_flux, (inlet_pa, chamber_pa), density_kg_m3);
                 quality = outlet.quality(inlet_pa, density_kg_m3, state.quality);
             }
-            setting.injector_m2 * injector_flux - passed_kg_s
+            at_condition.injector_m2 * injector_flux - passed_kg_s
         };
         let bracket = Bracket {
             low: least_pa,
@@ -407,16 +407,16 @@ impl Engine {
             tolerance: INLET_TOLERANCE * tank_pa,
         };
         let root = bracketed_root(bracket, balance);
-        let next = Guess { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, near };
-        let found = Found {
+        let next = WarmStart { injector_inlet_pa: root.x, slope_kg_s_pa: root.slope, near };
+        let found = InletRoot {
             injector_inlet_pa: root.x,
             quality,
             solved: root.status != RootStatus::Invalid,
             guess: next,
         };
         let mut point = match held {
-            Some(held) => setting.filling_point(oxidizer_kg_s, &held, found),
-            None => setting.steady_point(oxidizer_kg_s, hot, found),
+            Some(held) => at_condition.filling_point(oxidizer_kg_s, &held, found),
+            None => at_condition.steady_point(oxidizer_kg_s, hot, found),
         };
         point.outlet_gas_kg_s = outlet_gas_kg_s;
         point
@@ -435,14 +435,14 @@ impl Engine {
     }
 
     #[inline(always)]
-    pub(super) fn setting<'a>(&'a self, condition: &'a EngineCondition) -> Setting<'a> {
+    pub(super) fn at_condition<'a>(&'a self, condition: &'a EngineCondition) -> EngineAtCondition<'a> {
         let nozzle = &self.nozzle;
         let throat_radius_m = condition.throat_radius_m.min(nozzle.greatest_throat_radius_m());
         let area_m2 = PI * throat_radius_m * throat_radius_m;
         let fresh = throat_radius_m >= nozzle.throat_radius_m() * (1.0 - 1e-12);
         let port_radius_m = condition.port_radius_m.min(self.grain.burn_through_radius_m());
         let per_cold_c_star = 1.0 / (area_m2 * nozzle.discharge_coefficient);
-        Setting {
+        EngineAtCondition {
             engine: self,
             condition,
             throat: Throat {
@@ -471,15 +471,15 @@ pub struct EngineTexts<'a> {
 }
 
 /// What the root in P2 has found.
-pub(super) struct Found {
+pub(super) struct InletRoot {
     pub(super) injector_inlet_pa: f64,
     pub(super) quality: f64,
     pub(super) solved: bool,
-    pub(super) guess: Guess,
+    pub(super) guess: WarmStart,
 }
 
 /// State of a chamber whose gas is given.
-pub(super) struct Held<'a> {
+pub(super) struct FilledChamber<'a> {
     gas: ChamberGas,
     of_ratio: f64,
     mixture: Mixture<'a>,
@@ -487,10 +487,10 @@ pub(super) struct Held<'a> {
     nozzle_kg_s: f64,
 }
 
-impl<'a> Setting<'a> {
+impl<'a> EngineAtCondition<'a> {
     /// Steady state of an oxidiser flow that burns altogether.
     #[inline(always)]
-    pub(super) fn burning(&self, oxidizer_kg_s: f64, near: &mut Near) -> Burning<'a> {
+    pub(super) fn burning(&self, oxidizer_kg_s: f64, near: &mut ChamberWarmStart) -> Burning<'a> {
         let fuel_kg_s = match self.condition.fuel_flow_kg_s {
             None => self.steady_fuel_kg_s(oxidizer_kg_s, near),
             Some(flow_kg_s) => self.lagged_fuel_kg_s(flow_kg_s, oxidizer_kg_s),
@@ -506,7 +506,7 @@ impl<'a> Setting<'a> {
 
     /// Fuel flow of oxidiser that burns altogether, Eq (5R) as surface times rate of regression.
     #[inline]
-    pub(super) fn steady_fuel_kg_s(&self, oxidizer_kg_s: f64, near: &mut Near) -> f64 {
+    pub(super) fn steady_fuel_kg_s(&self, oxidizer_kg_s: f64, near: &mut ChamberWarmStart) -> f64 {
         let flux = oxidizer_kg_s * self.flux_per_flow_1_m2;
         self.fuel_per_regression * self.engine.regression.of(flux, &mut near.regression)
     }
@@ -517,14 +517,18 @@ impl<'a> Setting<'a> {
     }
 
     /// Chamber pressure of a flow.
-    pub(super) fn chamber_pa(&self, oxidizer_kg_s: f64, near: &mut Near) -> f64 {
+    pub(super) fn chamber_pa(&self, oxidizer_kg_s: f64, near: &mut ChamberWarmStart) -> f64 {
         let hot = self.burning_share_of(oxidizer_kg_s, near);
         self.mixed_pa(oxidizer_kg_s, hot.as_ref())
     }
 
     /// The burning flow if anything burns.
     #[inline(always)]
-    pub(super) fn burning_share_of(&self, oxidizer_kg_s: f64, near: &mut Near) -> Option<Burning<'a>> {
+    pub(super) fn burning_share_of(
+        &self,
+        oxidizer_kg_s: f64,
+        near: &mut ChamberWarmStart,
+    ) -> Option<Burning<'a>> {
         (oxidizer_kg_s > 0.0 && self.condition.burning_fraction > 0.0)
             .then(|| self.burning(oxidizer_kg_s, near))
     }
@@ -560,7 +564,7 @@ impl<'a> Setting<'a> {
 
     /// Growth of the throat: hot flow erodes, cold flow does not.
     #[inline]
-    fn erosion_m_s(&self, chamber_pa: f64, near: &mut Near) -> f64 {
+    fn erosion_m_s(&self, chamber_pa: f64, near: &mut ChamberWarmStart) -> f64 {
         let nozzle = &self.engine.nozzle;
         if self.condition.throat_radius_m >= nozzle.greatest_throat_radius_m()
             || nozzle.erosion_rate_m_s == 0.0
@@ -580,7 +584,7 @@ impl<'a> Setting<'a> {
         &self,
         oxidizer_kg_s: f64,
         hot: Option<Burning<'_>>,
-        found: Found,
+        found: InletRoot,
     ) -> OperatingPoint {
         let mut guess = found.guess;
         if oxidizer_kg_s <= 0.0 {
@@ -626,7 +630,7 @@ impl<'a> Setting<'a> {
 
     /// Pressure and outflow of the gas in the chamber.
     #[inline(never)]
-    pub(super) fn held(&self, gas: ChamberGas, near: &mut Near) -> Held<'a> {
+    pub(super) fn held(&self, gas: ChamberGas, near: &mut ChamberWarmStart) -> FilledChamber<'a> {
         let engine = self.engine;
         let (oxidizer_kg, fuel_kg) = (gas.oxidizer_kg.max(0.0), gas.fuel_kg.max(0.0));
         let burning_fraction = self.condition.burning_fraction.clamp(0.0, 1.0);
@@ -649,7 +653,7 @@ impl<'a> Setting<'a> {
         };
         let total_kg = oxidizer_kg + fuel_kg;
         let held = held_pressure(&engine.map, &mixture, total_kg, &vessel, &self.throat, &mut near.pressure);
-        Held {
+        FilledChamber {
             gas: ChamberGas { oxidizer_kg, fuel_kg },
             of_ratio: ratio(oxidizer_kg, fuel_kg),
             mixture,
@@ -659,7 +663,12 @@ impl<'a> Setting<'a> {
     }
 
     #[inline(never)]
-    pub(super) fn filling_point(&self, oxidizer_kg_s: f64, held: &Held<'_>, found: Found) -> OperatingPoint {
+    pub(super) fn filling_point(
+        &self,
+        oxidizer_kg_s: f64,
+        held: &FilledChamber<'_>,
+        found: InletRoot,
+    ) -> OperatingPoint {
         let f = self.condition.burning_fraction.clamp(0.0, 1.0);
         let mut guess = found.guess;
         let share = self.burning_share();
@@ -700,11 +709,11 @@ impl<'a> Setting<'a> {
     }
 
     /// No oxidiser flows; a chamber that still holds gas empties.
-    pub(super) fn closed(&self, held: Option<Held<'_>>, near: Near) -> OperatingPoint {
+    pub(super) fn closed(&self, held: Option<FilledChamber<'_>>, near: ChamberWarmStart) -> OperatingPoint {
         let ambient_pa = self.condition.ambient_pa;
         if let Some(held) = held {
-            let guess = Guess { near, ..Guess::default() };
-            let found = Found { injector_inlet_pa: held.pressure.pa, quality: 0.0, solved: true, guess };
+            let guess = WarmStart { near, ..WarmStart::default() };
+            let found = InletRoot { injector_inlet_pa: held.pressure.pa, quality: 0.0, solved: true, guess };
             return self.filling_point(0.0, &held, found);
         }
         OperatingPoint {
@@ -725,7 +734,7 @@ impl<'a> Setting<'a> {
             chamber_gas_rate: ChamberGasRate::default(),
             nozzle_flow: NozzleFlow::Off,
             solved: true,
-            guess: Guess { near, ..Guess::default() },
+            guess: WarmStart { near, ..WarmStart::default() },
         }
     }
 }

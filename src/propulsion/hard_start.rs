@@ -13,7 +13,7 @@
 //! Source: balance of mass of a chamber with a choked throat, `chamber.rs`.
 
 use super::chamber::UNIVERSAL_GAS;
-use super::engine::{Engine, EngineCondition, Near};
+use super::engine::{ChamberWarmStart, Engine, EngineCondition};
 use super::nozzle::STANDARD_GRAVITY_M_S2;
 
 /// Below this it is over (Pa).
@@ -61,7 +61,7 @@ impl Engine {
             return Surge::NONE;
         }
         let steady = EngineCondition { burning_fraction: 1.0, fuel_flow_kg_s: None, ..*condition };
-        let hot = self.setting(&steady).burning(oxidizer_kg_s, &mut Near::default());
+        let hot = self.at_condition(&steady).burning(oxidizer_kg_s, &mut ChamberWarmStart::default());
         let (mixture, log) = (&hot.mixture, hot.pressure.log);
         let efficiency = self.c_star_efficiency(condition);
         let rt_j_kg = efficiency * efficiency * UNIVERSAL_GAS / mixture.molar_mass_kg_mol(log)

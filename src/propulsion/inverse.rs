@@ -3,7 +3,9 @@
 //! Thrust → oxidiser flow (the thrust rises with it: one bracketed root, where the seed paper sweeps) →
 //! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
 
-use super::engine::{Engine, EngineCondition, Guess, INLET_TOLERANCE, Near, OperatingPoint, Setting};
+use super::engine::{
+    ChamberWarmStart, Engine, EngineAtCondition, EngineCondition, INLET_TOLERANCE, OperatingPoint, WarmStart,
+};
 use super::feed_grid::Feed;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
@@ -31,16 +33,16 @@ impl Engine {
         feed: impl Into<Feed<'f>>,
         thrust_n: f64,
         condition: &EngineCondition,
-        guess: Guess,
+        guess: WarmStart,
     ) -> Inverse {
         let feed = &feed.into();
         let steady = EngineCondition { chamber_gas: None, fuel_flow_kg_s: None, outlet: None, ..*condition };
-        let setting = self.setting(&steady);
+        let at_condition = self.at_condition(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
         let mut near = guess.near;
         let excess_n = |oxidizer_kg_s: f64| {
-            let hot = setting.burning(oxidizer_kg_s, &mut near);
-            setting.thrust(oxidizer_kg_s, &hot).0 - thrust_n
+            let hot = at_condition.burning(oxidizer_kg_s, &mut near);
+            at_condition.thrust(oxidizer_kg_s, &hot).0 - thrust_n
         };
         let bracket = Bracket {
             low: least_kg_s,
@@ -53,27 +55,27 @@ impl Engine {
         let root = bracketed_root(bracket, excess_n);
         let beyond = !matches!(root.status, RootStatus::Solved);
         let (_, open_m2) = self.valve_area.fully_open();
-        let (area_m2, inlet_guess) = match setting.inlet_of_flow(feed, root.x, guess, &mut near) {
-            Some((area_m2, inlet_pa)) => (area_m2, Guess { injector_inlet_pa: inlet_pa, ..guess }),
+        let (area_m2, inlet_guess) = match at_condition.inlet_of_flow(feed, root.x, guess, &mut near) {
+            Some((area_m2, inlet_pa)) => (area_m2, WarmStart { injector_inlet_pa: inlet_pa, ..guess }),
             None => (f64::INFINITY, guess),
         };
         let saturated = beyond || area_m2 > open_m2;
         let valve_rad = self.valve_area.angle_rad(area_m2.min(open_m2));
         let valve_area_m2 = self.valve_area.area_m2(valve_rad);
-        let start = Guess { near, ..inlet_guess };
+        let start = WarmStart { near, ..inlet_guess };
         let point = self.operating_point(feed, valve_area_m2, &steady, start);
         Inverse { valve_rad, valve_area_m2, point, saturated }
     }
 }
 
-impl Setting<'_> {
+impl EngineAtCondition<'_> {
     /// Valve area (m²) and P2 (Pa) that pass a flow; `None` when the injector cannot at the tank's pressure.
     fn inlet_of_flow(
         &self,
         feed: &Feed<'_>,
         oxidizer_kg_s: f64,
-        guess: Guess,
-        near: &mut Near,
+        guess: WarmStart,
+        near: &mut ChamberWarmStart,
     ) -> Option<(f64, f64)> {
         let tank_pa = feed.tank().pressure_pa;
         let chamber_pa = self.chamber_pa(oxidizer_kg_s, near);

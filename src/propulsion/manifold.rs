@@ -23,8 +23,8 @@
 
 use super::FeedParameters;
 use super::engine::{
-    Burning, Damage, Engine, EngineCondition, Found, Guess, Held, INLET_TOLERANCE, Near, OperatingPoint,
-    Setting,
+    Burning, ChamberWarmStart, Damage, Engine, EngineAtCondition, EngineCondition, FilledChamber,
+    INLET_TOLERANCE, InletRoot, OperatingPoint, WarmStart,
 };
 use super::feed::ManifoldModel;
 use super::feed_grid::Feed;
@@ -143,7 +143,7 @@ struct Solved<'a> {
     tank_kg_s: f64,
     injected_kg_s: f64,
     hot: Option<Burning<'a>>,
-    near: Near,
+    near: ChamberWarmStart,
     status: RootStatus,
 }
 
@@ -228,39 +228,39 @@ impl Engine {
         step: &FeedStep,
         now: &FeedInput,
         elapsed_s: f64,
-        guess: Guess,
+        guess: WarmStart,
     ) -> FeedPoint {
         let feed = &feed.into();
-        let setting = self.setting(&now.condition);
+        let at_condition = self.at_condition(&now.condition);
         let mut near = guess.near;
-        let held = now.condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
-        let guess = Guess { near, ..guess };
+        let held = now.condition.chamber_gas.map(|gas| at_condition.held(gas, &mut near));
+        let guess = WarmStart { near, ..guess };
         let rest_pa = held.as_ref().map_or(now.condition.ambient_pa, |held| held.pressure.pa);
         if self.valve_m2(now) <= 0.0 {
             let rest = self.feed_at_rest(feed, rest_pa);
             if step.from.manifold_kg <= rest.manifold_kg * (1.0 + AT_REST) {
                 let state = FeedState { line_kg_s: 0.0, ..step.from };
-                return FeedPoint { engine: setting.closed(held, near), state };
+                return FeedPoint { engine: at_condition.closed(held, near), state };
             }
         }
         let solved = if elapsed_s > 0.0 {
-            self.advance(feed, step, now, (&setting, held.as_ref()), elapsed_s, guess)
+            self.advance(feed, step, now, (&at_condition, held.as_ref()), elapsed_s, guess)
         } else {
-            self.as_it_is(feed, step, now, (&setting, held.as_ref()), guess)
+            self.at_step_start(feed, step, now, (&at_condition, held.as_ref()), guess)
         };
-        let found = Found {
+        let found = InletRoot {
             injector_inlet_pa: solved.inlet_pa,
             quality: solved.quality,
             solved: solved.status != RootStatus::Invalid,
-            guess: Guess {
+            guess: WarmStart {
                 injector_inlet_pa: solved.inlet_pa,
                 slope_kg_s_pa: solved.slope_kg_s_pa,
                 near: solved.near,
             },
         };
         let mut engine = match held {
-            Some(held) => setting.filling_point(solved.injected_kg_s, &held, found),
-            None => setting.steady_point(solved.injected_kg_s, solved.hot, found),
+            Some(held) => at_condition.filling_point(solved.injected_kg_s, &held, found),
+            None => at_condition.steady_point(solved.injected_kg_s, solved.hot, found),
         };
         engine.injector_inlet_pa = solved.inlet_pa;
         engine.quality = solved.quality;
@@ -283,36 +283,36 @@ impl Engine {
         feed: &Feed<'_>,
         step: &FeedStep,
         now: &FeedInput,
-        (setting, held): (&Setting<'a>, Option<&Held<'a>>),
+        (at_condition, held): (&EngineAtCondition<'a>, Option<&FilledChamber<'a>>),
         elapsed_s: f64,
-        guess: Guess,
+        guess: WarmStart,
     ) -> Solved<'a> {
         let from = step.from;
         let whole = Stage { span_s: elapsed_s, from };
         if step.stages == Stages::One {
-            return self.solve(feed, now, &whole, (setting, held), guess);
+            return self.solve(feed, now, &whole, (at_condition, held), guess);
         }
         let span_s = GAMMA * elapsed_s;
         let between = step.start.toward(now, GAMMA);
         let first = {
-            let setting = self.setting(&between.condition);
+            let at_condition = self.at_condition(&between.condition);
             let mut near = guess.near;
-            let held = between.condition.chamber_gas.map(|gas| setting.held(gas, &mut near));
+            let held = between.condition.chamber_gas.map(|gas| at_condition.held(gas, &mut near));
             let stage = Stage { span_s, ..whole };
-            let solved = self.solve(feed, &between, &stage, (&setting, held.as_ref()), guess);
+            let solved = self.solve(feed, &between, &stage, (&at_condition, held.as_ref()), guess);
             (solved.state, solved.injected_kg_s > 0.0, solved.slope_kg_s_pa, solved.status)
         };
         let (gained, flows, slope_kg_s_pa, status) = first;
         if status == RootStatus::Solved {
             let stage = Stage { span_s, from: from.extrapolated(&gained, CARRIED) };
-            let guess = Guess { slope_kg_s_pa, ..guess };
-            let second = self.solve(feed, now, &stage, (setting, held), guess);
+            let guess = WarmStart { slope_kg_s_pa, ..guess };
+            let second = self.solve(feed, now, &stage, (at_condition, held), guess);
             if second.status == RootStatus::Solved && (second.injected_kg_s > 0.0 || !flows) {
                 return second;
             }
         }
         // Carried beyond what a manifold can hold, or beyond the end of its flow: the lower order stays within.
-        self.solve(feed, now, &whole, (setting, held), guess)
+        self.solve(feed, now, &whole, (at_condition, held), guess)
     }
 
     /// One implicit equation: the root in P2 of the steady engine, less what the manifold takes up.
@@ -321,8 +321,8 @@ impl Engine {
         feed: &Feed<'_>,
         input: &FeedInput,
         stage: &Stage,
-        (setting, held): (&Setting<'a>, Option<&Held<'a>>),
-        guess: Guess,
+        (at_condition, held): (&EngineAtCondition<'a>, Option<&FilledChamber<'a>>),
+        guess: WarmStart,
     ) -> Solved<'a> {
         let volume_m3 = self.stores.volume_m3;
         let tank_pa = feed.tank().pressure_pa;
@@ -343,11 +343,11 @@ impl Engine {
             let chamber_pa = match held {
                 Some(held) => held.pressure.pa,
                 None => {
-                    hot = setting.burning_share_of(passed_kg_s, &mut near);
-                    setting.mixed_pa(passed_kg_s.max(0.0), hot.as_ref())
+                    hot = at_condition.burning_share_of(passed_kg_s, &mut near);
+                    at_condition.mixed_pa(passed_kg_s.max(0.0), hot.as_ref())
                 }
             };
-            driven_kg_s = setting.injector_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
+            driven_kg_s = at_condition.injector_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
             driven_kg_s - passed_kg_s
         };
         // Without a store the engine as it stands is shut off.
@@ -388,7 +388,7 @@ impl Engine {
         };
         if volume_m3 > 0.0 && root.status != RootStatus::Solved {
             // The content is that of an end of the range: what passes is what P2 drives, the tank has the rest.
-            self.inject(feed, &inlet, setting, held, &mut solved);
+            self.inject(feed, &inlet, at_condition, held, &mut solved);
         }
         solved
     }
@@ -420,13 +420,13 @@ impl Engine {
     }
 
     /// The engine in the very state in which the step begins.
-    fn as_it_is<'a>(
+    fn at_step_start<'a>(
         &'a self,
         feed: &Feed<'_>,
         step: &FeedStep,
         now: &FeedInput,
-        (setting, held): (&Setting<'a>, Option<&Held<'a>>),
-        guess: Guess,
+        (at_condition, held): (&EngineAtCondition<'a>, Option<&FilledChamber<'a>>),
+        guess: WarmStart,
     ) -> Solved<'a> {
         let (tank_pa, from) = (feed.tank().pressure_pa, step.from);
         let has_line = self.stores.inertance_1_m > 0.0;
@@ -442,20 +442,20 @@ impl Engine {
             // Nothing is stored: the injector passes what the line brings. A column without inertia flows as it is pushed.
             let stage = Stage { span_s: f64::INFINITY, from };
             if !has_line {
-                return self.solve(feed, now, &stage, (setting, held), guess);
+                return self.solve(feed, now, &stage, (at_condition, held), guess);
             }
             let mut near = guess.near;
             let passed_kg_s = from.line_kg_s.min(now.condition.oxidizer_flow_limit_kg_s).max(0.0);
             let hot = match held {
                 Some(_) => None,
-                None => setting.burning_share_of(passed_kg_s, &mut near),
+                None => at_condition.burning_share_of(passed_kg_s, &mut near),
             };
-            let chamber_pa =
-                held.map_or_else(|| setting.mixed_pa(passed_kg_s, hot.as_ref()), |held| held.pressure.pa);
+            let chamber_pa = held
+                .map_or_else(|| at_condition.mixed_pa(passed_kg_s, hot.as_ref()), |held| held.pressure.pa);
             let low = chamber_pa.min(tank_pa);
             let root =
                 bracketed_root(Bracket { low, slope: Some(guess.slope_kg_s_pa), ..bracket }, |inlet_pa| {
-                    setting.injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa)
+                    at_condition.injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa)
                         - passed_kg_s
                 });
             return Solved {
@@ -492,7 +492,7 @@ impl Engine {
             near: guess.near,
             status: root.status,
         };
-        self.inject(feed, &inlet, setting, held, &mut solved);
+        self.inject(feed, &inlet, at_condition, held, &mut solved);
         solved
     }
 
@@ -501,16 +501,16 @@ impl Engine {
         &'a self,
         feed: &Feed<'_>,
         inlet: &Inlet,
-        setting: &Setting<'a>,
-        held: Option<&Held<'a>>,
+        at_condition: &EngineAtCondition<'a>,
+        held: Option<&FilledChamber<'a>>,
         solved: &mut Solved<'a>,
     ) {
-        let flow = |chamber_pa: f64| setting.injector_m2 * feed.injector_flux_kg_m2_s(inlet, chamber_pa);
+        let flow = |chamber_pa: f64| at_condition.injector_m2 * feed.injector_flux_kg_m2_s(inlet, chamber_pa);
         if let Some(held) = held {
             solved.injected_kg_s = flow(held.pressure.pa);
             return;
         }
-        let most_kg_s = flow(setting.condition.ambient_pa);
+        let most_kg_s = flow(at_condition.condition.ambient_pa);
         let (mut near, mut hot) = (solved.near, None);
         solved.injected_kg_s = if most_kg_s > 0.0 {
             let bracket = Bracket {
@@ -522,8 +522,8 @@ impl Engine {
                 tolerance: FLOW_TOLERANCE_KG_S,
             };
             bracketed_root(bracket, |passed_kg_s| {
-                hot = setting.burning_share_of(passed_kg_s, &mut near);
-                passed_kg_s - flow(setting.mixed_pa(passed_kg_s, hot.as_ref()))
+                hot = at_condition.burning_share_of(passed_kg_s, &mut near);
+                passed_kg_s - flow(at_condition.mixed_pa(passed_kg_s, hot.as_ref()))
             })
             .x
         } else {
@@ -586,7 +586,7 @@ impl FeedInput {
     }
 }
 
-impl Setting<'_> {
+impl EngineAtCondition<'_> {
     /// Fuel flow that belongs to the burning share when the grain gives `flow_kg_s` (kg/s). Less oxidiser than
     /// the map's rich end burns, or vaporises, no more fuel than that: a flow that stops stops the fuel.
     pub(super) fn lagged_fuel_kg_s(&self, flow_kg_s: f64, oxidizer_kg_s: f64) -> f64 {

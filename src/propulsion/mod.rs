@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 
 pub use chamber::{Chamber, ChamberGas, ChamberGasRate, ChamberModel};
 pub use combustion::{CombustionMap, Map};
-pub use engine::{Damage, Engine, EngineCondition, EngineError, EngineTexts, Guess, OperatingPoint};
+pub use engine::{Damage, Engine, EngineCondition, EngineError, EngineTexts, OperatingPoint, WarmStart};
 pub use feed::{Isolation, Line, Manifold, ManifoldModel, Tank, Vent, VentedGas};
 pub use feed_grid::{Feed, FeedGrid, Triangle};
 pub use feed_map::{FeedMap, Inlet};
@@ -46,7 +46,7 @@ pub use injector::{Injector, SinglePhase};
 pub use inverse::Inverse;
 pub use manifold::{FeedInput, FeedPoint, FeedState, FeedStep, Stages};
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
-pub use outlet::{Outlet, Uncovering};
+pub use outlet::{GasIngestion, Outlet};
 pub use paper::{Candidate, PaperEngine};
 pub use pressurant::{
     Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, PressurantGas, Regulator,

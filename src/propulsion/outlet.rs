@@ -13,14 +13,14 @@ use super::gas_orifice::gas_flux_kg_m2_s;
 
 /// How an outlet uncovers: parameters.
 #[derive(Clone, Copy, Debug)]
-pub struct Uncovering {
+pub struct GasIngestion {
     /// Liquid below which gas enters the outlet (kg).
     pub covered_kg: f64,
     /// Liquid between valve and injector (kg).
     pub pipe_kg: f64,
 }
 
-impl Uncovering {
+impl GasIngestion {
     /// Gas begins at `unusable_kg` left in the tank. The liquid must last some steps at the greatest flow
     /// that the injector passes (kg/s), so that integration never passes zero.
     pub fn new(unusable_kg: f64, pipe_kg: f64, greatest_kg_s: f64) -> Self {
@@ -153,13 +153,13 @@ mod tests {
 
     #[test]
     fn gas_reaches_the_injector_when_the_pipe_has_emptied() {
-        let outlet = Uncovering::new(0.15, 0.02, 0.9);
+        let outlet = GasIngestion::new(0.15, 0.02, 0.9);
         assert_eq!(outlet.gas_shares(0.15), None);
         let [valve, injector] = outlet.gas_shares(0.13).unwrap();
         assert!((valve - 0.02 / 0.13).abs() < 1e-12 && injector == 0.0);
         assert_eq!(outlet.gas_shares(0.0), Some([1.0, 1.0]));
         // No pipe to speak of and no unusable liquid: still a few steps' time.
-        let sudden = Uncovering::new(0.0, 1e-6, 0.9);
+        let sudden = GasIngestion::new(0.0, 1e-6, 0.9);
         assert!(sudden.covered_kg - sudden.pipe_kg >= 0.9 * 4e-3 - 1e-15);
     }
 }

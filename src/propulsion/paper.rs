@@ -22,7 +22,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::engine::{Engine, EngineCondition, Guess, OperatingPoint};
+use super::engine::{Engine, EngineCondition, OperatingPoint, WarmStart};
 use super::feed_grid::Feed;
 use super::feed_map::throttled;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
@@ -246,7 +246,7 @@ impl PaperEngine {
             chamber_gas_rate: ChamberGasRate::default(),
             nozzle_flow: NozzleFlow::Full,
             solved: inlet.is_some(),
-            guess: Guess::default(),
+            guess: WarmStart::default(),
         }
     }
 

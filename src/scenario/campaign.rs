@@ -136,13 +136,13 @@ impl CampaignFile {
     /// When a key is unknown, missing, of the wrong kind, out of range or at odds with another.
     pub fn read(document: &Document) -> Result<Self, InputError> {
         let file: Self = document.read()?;
-        let mut faults = Vec::new();
+        let mut diagnostics = Vec::new();
         // A name is a random stream: two entries of one name would draw as one.
         let (mut names, mut columns) = (BTreeSet::new(), BTreeSet::new());
         for (index, entry) in file.dispersion.iter().enumerate() {
             let within = format!("dispersion.{index}");
-            if let Err(fault) = entry.validate() {
-                faults.push(fault.within(&within));
+            if let Err(diagnostic) = entry.validate() {
+                diagnostics.push(diagnostic.within(&within));
             }
             let new_columns = entry.columns().into_iter().all(|column| columns.insert(column));
             if !(names.insert(entry.name()) && new_columns) {
@@ -150,7 +150,7 @@ impl CampaignFile {
                     format!("an entry above is \"{}\" too: each needs a name of its own", entry.name());
                 // Without a name the key stands for it.
                 let key = if entry.name.is_some() { "name" } else { "key" };
-                faults.push(Invalid::new(format!("{within}.{key}"), message));
+                diagnostics.push(Invalid::new(format!("{within}.{key}"), message));
             }
         }
         let mut names = BTreeSet::new();
@@ -159,18 +159,18 @@ impl CampaignFile {
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
             if variant.name.is_empty() || !variant.name.chars().all(plain) {
                 let message = format!("\"{}\": letters, digits, - and _ only", variant.name);
-                faults.push(Invalid::new(format!("{within}.name"), message));
+                diagnostics.push(Invalid::new(format!("{within}.name"), message));
             }
             if !names.insert(&variant.name) {
                 let message = format!("an entry above is \"{}\" too", variant.name);
-                faults.push(Invalid::new(format!("{within}.name"), message));
+                diagnostics.push(Invalid::new(format!("{within}.name"), message));
             }
             if let Some((key, value)) = variant.set.iter().find(|(_, value)| value.is_object()) {
                 let message = format!("quote the dotted key, as in \"{key}.KEY\" = VALUE; got {value}");
-                faults.push(Invalid::new(format!("{within}.set.{key}"), message));
+                diagnostics.push(Invalid::new(format!("{within}.set.{key}"), message));
             }
         }
-        if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
+        if diagnostics.is_empty() { Ok(file) } else { Err(document.error(diagnostics)) }
     }
 
     /// The configurations that fly: those of the file, or the scenario alone under the name "nominal".

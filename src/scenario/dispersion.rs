@@ -232,19 +232,19 @@ impl Dispersion {
         }
         let change = |path: String| {
             let now = at(nominal, &path).filter(|value| !value.is_null());
-            let fault = |message: String| Invalid::new("key", format!("{path}: {message}"));
+            let diagnostic = |message: String| Invalid::new("key", format!("{path}: {message}"));
             let changed = match (now, self.mode, draw) {
                 (_, Mode::Value, &[value]) if now.is_none_or(|now| !now.is_array()) => {
                     toml::Value::Float(value)
                 }
                 (None, ..) => {
-                    return Err(fault("unknown key, or one without a value in force".to_owned()));
+                    return Err(diagnostic("unknown key, or one without a value in force".to_owned()));
                 }
                 (Some(now), Mode::Factor, &[share]) => scaled(now, 1.0 + share)
-                    .ok_or_else(|| fault(format!("{now} is neither a number nor a list of numbers")))?,
+                    .ok_or_else(|| diagnostic(format!("{now} is neither a number nor a list of numbers")))?,
                 (Some(now), Mode::Offset, &[offset]) => {
                     let number = now.as_f64().ok_or_else(|| {
-                        fault(format!("{now} is no number; an entry of a list has its index in the key"))
+                        diagnostic(format!("{now} is no number; an entry of a list has its index in the key"))
                     })?;
                     toml::Value::Float(number + offset)
                 }
@@ -254,7 +254,9 @@ impl Dispersion {
                         .and_then(|list| list.iter().map(Json::as_f64).collect())
                         .unwrap_or_default();
                     if draw.len() != 2 || list.len() < 2 {
-                        return Err(fault(format!("{now} is no list whose first two entries could change")));
+                        return Err(diagnostic(format!(
+                            "{now} is no list whose first two entries could change"
+                        )));
                     }
                     for (entry, x) in list.iter_mut().zip(draw) {
                         *entry = if mode == Mode::Value { *x } else { *entry + x };
@@ -439,18 +441,21 @@ mod tests {
 
     #[test]
     fn figures_must_be_those_of_the_distribution() {
-        let fault = |entry: Dispersion| entry.validate().unwrap_err().to_string();
-        assert_eq!(fault(entry(Distribution::Normal)), "distribution: \"normal\" needs std or three_sigma");
+        let diagnostic = |entry: Dispersion| entry.validate().unwrap_err().to_string();
         assert_eq!(
-            fault(Dispersion { low: Some(1.0), ..entry(Distribution::Uniform) }),
+            diagnostic(entry(Distribution::Normal)),
+            "distribution: \"normal\" needs std or three_sigma"
+        );
+        assert_eq!(
+            diagnostic(Dispersion { low: Some(1.0), ..entry(Distribution::Uniform) }),
             "distribution: \"uniform\" needs low and high"
         );
         assert_eq!(
-            fault(Dispersion { std: Some(1.0), ..entry(Distribution::Circle) }),
+            diagnostic(Dispersion { std: Some(1.0), ..entry(Distribution::Circle) }),
             "std: \"circle\" does not take it; it takes radius"
         );
         assert_eq!(
-            fault(Dispersion { low: Some(2.0), high: Some(1.0), ..entry(Distribution::Uniform) }),
+            diagnostic(Dispersion { low: Some(2.0), high: Some(1.0), ..entry(Distribution::Uniform) }),
             "low: 2 must lie under high, 1"
         );
         let judged = Dispersion {
@@ -458,6 +463,6 @@ mod tests {
             key: "mission.hover_height_m".to_owned(),
             ..entry(Distribution::Normal)
         };
-        assert_eq!(fault(judged), "key: mission.hover_height_m is not left to chance");
+        assert_eq!(diagnostic(judged), "key: mission.hover_height_m is not left to chance");
     }
 }

@@ -18,7 +18,7 @@ use crate::dynamics::slosh::SloshModel;
 use crate::environment::Site;
 use crate::environment::wind::WindParameters;
 use crate::fault;
-use crate::input::{Document, Fault, InputError, Invalid};
+use crate::input::{Diagnostic, Document, InputError, Invalid};
 use crate::signal::ActuatorCommand;
 use crate::vehicle::Vehicle;
 
@@ -433,8 +433,8 @@ impl ScenarioFile {
                     inner = value;
                 }
                 let message = format!("quote the dotted key: \"{dotted}\" = {inner}");
-                let fault = Fault { line: None, key: format!("vehicle_set.{key}"), message };
-                return Err(InputError { file: place, faults: vec![fault] });
+                let diagnostic = Diagnostic { line: None, key: format!("vehicle_set.{key}"), message };
+                return Err(InputError { file: place, diagnostics: vec![diagnostic] });
             }
             // Numbers, strings, booleans and lists are written alike in JSON and TOML.
             vehicle.set_from(&place, &format!("vehicle_set.\"{key}\""), key, &value.to_string())?;
@@ -518,7 +518,7 @@ impl Scenario {
             vehicle.sensors.gnss.grade = grade;
         }
         if file.fidelity == Fidelity::Paper {
-            vehicle.keep_to_the_paper();
+            vehicle.apply_paper_models();
         }
         if file.physics.freeze.contains(&Coupling::Slosh) {
             vehicle.slosh.model = SloshModel::Frozen;

@@ -5,9 +5,9 @@
 //! built-in autopilot sees every measurement from the first on, so that it can take over at any time.
 //!
 //! In a campaign the vehicle that flies is not the one of the data sheet: [`Flight::dispersed`] gives the plant
-//! what was drawn, and the autopilot what [`outfit::nominal`] made of the scenario as written.
+//! what was drawn, and the autopilot what [`data_sheet::nominal`] made of the scenario as written.
 
-pub mod outfit;
+pub mod data_sheet;
 mod referee;
 pub mod report;
 
@@ -101,16 +101,16 @@ impl Flight {
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
         let plant = Plant::seeded(scenario, seed)?;
-        let parameters = outfit::autopilot(scenario, plant.environment(), instruments);
+        let parameters = data_sheet::autopilot(scenario, plant.environment(), instruments);
         if scenario.schedule.is_none() {
-            outfit::throttle_band(&scenario.vehicle, plant.environment())?;
+            data_sheet::throttle_band(&scenario.vehicle, plant.environment())?;
             parameters.validate()?;
         }
         Self::assemble(scenario, seed, instruments, plant, parameters)
     }
 
     /// A flight of what is in truth `actual` under an autopilot that was told something else: the parameters
-    /// that [`outfit::nominal`] gives for the scenario before its values were dispersed.
+    /// that [`data_sheet::nominal`] gives for the scenario before its values were dispersed.
     ///
     /// # Errors
     /// When vehicle, site and scenario contradict each other.

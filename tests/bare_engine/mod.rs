@@ -2,8 +2,8 @@
 #![allow(dead_code)] // each test file uses its part
 
 use hopbench::propulsion::{
-    ChamberModel, Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters, Guess,
-    OperatingPoint, PaperMode, Pressurant, ReactionControl,
+    ChamberModel, Engine, EngineCondition, EngineParameters, EngineTexts, FeedMap, FeedParameters,
+    OperatingPoint, PaperMode, Pressurant, ReactionControl, WarmStart,
 };
 
 #[allow(dead_code)]
@@ -57,7 +57,7 @@ pub fn at_angle(
     condition: &EngineCondition,
 ) -> OperatingPoint {
     let area_m2 = engine.valve_area().area_m2(degrees.to_radians());
-    engine.operating_point(feed, area_m2, condition, Guess::default())
+    engine.operating_point(feed, area_m2, condition, WarmStart::default())
 }
 
 /// The valve fully open, the flow given by the outlet's limit.
@@ -69,5 +69,5 @@ pub fn at_flow(
     condition: &EngineCondition,
 ) -> OperatingPoint {
     let limited = EngineCondition { oxidizer_flow_limit_kg_s: oxidizer_kg_s, ..*condition };
-    engine.operating_point(feed, engine.valve_area().fully_open().1, &limited, Guess::default())
+    engine.operating_point(feed, engine.valve_area().fully_open().1, &limited, WarmStart::default())
 }

@@ -7,7 +7,7 @@ use hopbench::disturbance::Disturbance;
 use hopbench::environment::Environment;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement, Throttle};
-use hopbench::simulation::{Flight, Instrumentation, Report, Source, outfit};
+use hopbench::simulation::{Flight, Instrumentation, Report, Source, data_sheet};
 use hopbench::time::SimTime;
 
 /// What a flight left behind.
@@ -35,7 +35,7 @@ impl Flown {
 /// What the autopilot of a scenario is told before anybody changes it.
 pub fn parameters(scenario: &Scenario, seed: u32) -> Parameters {
     let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(seed)).unwrap();
-    outfit::autopilot(scenario, &environment, &Instrumentation::default())
+    data_sheet::autopilot(scenario, &environment, &Instrumentation::default())
 }
 
 /// Flies `scenario`; `sensed` and `commanded` break measurements and commands, at a mission time (s, zero before the

@@ -3,8 +3,8 @@
 
 use crate::bare_engine::{Vehicle, condition};
 use hopbench::propulsion::{
-    Engine, EngineCondition, FeedInput, FeedMap, FeedState, FeedStep, Guess, Line, ManifoldModel,
-    OperatingPoint, Stages,
+    Engine, EngineCondition, FeedInput, FeedMap, FeedState, FeedStep, Line, ManifoldModel, OperatingPoint,
+    Stages, WarmStart,
 };
 
 pub fn with_manifold(vehicle: &mut Vehicle, volume_m3: f64) {
@@ -25,21 +25,21 @@ pub struct Fed<'a> {
     pub state: FeedState,
     pub point: OperatingPoint,
     pub head_pa: f64,
-    guess: Guess,
+    guess: WarmStart,
 }
 
 impl<'a> Fed<'a> {
     pub fn at_rest(engine: &'a Engine, feed: FeedMap) -> Self {
         let condition = condition(35.0, 10.0);
-        let point = engine.operating_point(&feed, 0.0, &condition, Guess::default());
+        let point = engine.operating_point(&feed, 0.0, &condition, WarmStart::default());
         let state = engine.feed_at_rest(&feed, condition.ambient_pa);
-        Self { engine, feed, condition, state, point, head_pa: 0.0, guess: Guess::default() }
+        Self { engine, feed, condition, state, point, head_pa: 0.0, guess: WarmStart::default() }
     }
 
     pub fn steady(engine: &'a Engine, degrees: f64) -> Self {
         let mut fed = Self::at_rest(engine, engine.feed_map(65e5, 290.0));
         let area_m2 = engine.valve_area().area_m2(degrees.to_radians());
-        fed.point = engine.operating_point(&fed.feed, area_m2, &fed.condition, Guess::default());
+        fed.point = engine.operating_point(&fed.feed, area_m2, &fed.condition, WarmStart::default());
         fed.state = engine.feed_steady(&fed.feed, &fed.point);
         fed.guess = fed.point.guess;
         fed

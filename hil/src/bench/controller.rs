@@ -6,10 +6,10 @@ use hopbench::signal::ActuatorCommand;
 use hopbench::time::SimTime;
 
 use super::{Bench, Stage};
-use crate::disruption::Sample;
-use crate::link::Notice;
-use crate::mavlink::{ControlsFrame, Heartbeat, MODE_HIL};
-use crate::pace::now_ns;
+use crate::bench::pace::now_ns;
+use crate::wire::disruption::Sample;
+use crate::wire::link::Notice;
+use crate::wire::mavlink::{ControlsFrame, Heartbeat, MODE_HIL};
 
 /// MAV_COMP_ID_AUTOPILOT1
 const AUTOPILOT_COMPONENT: u8 = 1;

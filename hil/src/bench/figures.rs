@@ -3,9 +3,9 @@
 use hopbench::simulation::report::{LinkReport, Timing};
 
 use super::Bench;
-use crate::disruption::Sample;
-use crate::pace::{Account, Distribution, now_ns};
-use crate::profile::Pacing;
+use crate::bench::pace::{Account, Distribution, now_ns};
+use crate::wire::disruption::Sample;
+use crate::wire::profile::Pacing;
 
 /// What the run is measured by.
 #[derive(Debug)]

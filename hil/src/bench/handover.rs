@@ -13,7 +13,7 @@ use hopbench::simulation::report::{Handover, Unrest};
 use hopbench::time::SimTime;
 
 use super::{Bench, Stage};
-use crate::pace::now_ns;
+use crate::bench::pace::now_ns;
 
 /// The vehicle's motion is compared over this long before and after.
 const SPAN: SimTime = SimTime::from_us(2_000_000);
@@ -22,7 +22,7 @@ const PARTS: usize = 4;
 
 /// Watches for what a change of hands does.
 #[derive(Debug, Default)]
-pub(super) struct Hands {
+pub(super) struct HandoverMonitor {
     /// Greatest motion in each of the last parts of a span; which part is the newest.
     recent: [Unrest; PARTS],
     newest: u64,
@@ -49,7 +49,7 @@ enum First {
     TakenIn,
 }
 
-impl Hands {
+impl HandoverMonitor {
     /// Looks at the vehicle after a step; what is complete is returned.
     pub(super) fn watch(&mut self, now: &Snapshot) -> Option<Handover> {
         let unrest = Unrest {

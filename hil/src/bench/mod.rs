@@ -9,6 +9,18 @@
 //! * lockstep: after each HIL_SENSOR the answer with its time. Before the first answer, and when the other
 //!   end has gone on the pad, the run goes on in real time, since nobody would answer.
 
+pub mod pace;
+pub mod realtime;
+
+pub mod baseline;
+pub mod planner;
+
+pub mod failure;
+pub mod ground;
+pub mod live;
+pub mod parameter;
+pub mod pilot;
+
 mod controller;
 mod figures;
 mod handover;
@@ -27,20 +39,20 @@ use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
-use crate::disruption::{Disruption, Sample};
-use crate::ground::Ground;
-use crate::link::Link;
-use crate::live::Live;
-use crate::mavlink::measurement::TrueState;
-use crate::mavlink::{Decoder, FromFc};
-use crate::pace::{RealTime, now_ns};
-use crate::planner::Planner;
-use crate::profile::{Heartbeat, Pacing, Profile, SensorRates};
-use crate::stream::Streams;
+use crate::bench::ground::Ground;
+use crate::bench::live::Live;
+use crate::bench::pace::{RealTime, now_ns};
+use crate::bench::planner::Planner;
+use crate::wire::disruption::{Disruption, Sample};
+use crate::wire::link::Link;
+use crate::wire::mavlink::measurement::TrueState;
+use crate::wire::mavlink::{Decoder, FromFc};
+use crate::wire::profile::{Heartbeat, Pacing, Profile, SensorRates};
+use crate::wire::stream::Streams;
 
 use controller::FlightController;
 use figures::Figures;
-use handover::Hands;
+use handover::HandoverMonitor;
 use service::Services;
 use stall::{NAMED_WITHIN, Stall, Stalls};
 
@@ -101,7 +113,7 @@ pub struct Bench<'a> {
     command: ActuatorCommand,
     /// Stands by for the built-in autopilot; without it, it lands by ramps.
     planner: Option<Planner>,
-    hands: Hands,
+    hands: HandoverMonitor,
     /// Time between the last two samples.
     sample: SimTime,
     sampled: SimTime,
@@ -153,7 +165,7 @@ impl<'a> Bench<'a> {
             planner: Planner::start()
                 .inspect_err(|e| live.notice(format!("no thread to plan on: a fallback lands by ramps: {e}")))
                 .ok(),
-            hands: Hands::default(),
+            hands: HandoverMonitor::default(),
             sample: SimTime::ZERO,
             sampled: SimTime::ZERO,
             clock: RealTime::from_now(flight.time().us(), step_us),
@@ -280,7 +292,7 @@ impl<'a> Bench<'a> {
         self.receive();
         if self.may_stream() {
             self.stage = Stage::Pad;
-            self.clock.tie(self.flight.time().us());
+            self.clock.start_at(self.flight.time().us());
         }
     }
 

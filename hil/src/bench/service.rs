@@ -24,21 +24,21 @@ use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
 use super::controller::FlightController;
-use super::handover::Hands;
+use super::handover::HandoverMonitor;
 use super::{Bench, Stage};
-use crate::desk::{Allowance, Desk};
-use crate::disruption::Disruption;
-use crate::failure::{Failure, failure};
-use crate::ground::{FromGround, GROUND_ADDRESS, View};
-use crate::link::{Hold, Notice};
-use crate::mavlink::{
+use crate::bench::failure::{Failure, failure};
+use crate::bench::ground::{FromGround, GROUND_ADDRESS, View};
+use crate::bench::pace::now_ns;
+use crate::bench::parameter::{Parameter, What, as_typed, parameters};
+use crate::wire::disruption::Disruption;
+use crate::wire::link::{Hold, Notice};
+use crate::wire::mavlink::{
     Command, FromFc, GUIDED_ENABLE, INJECT_FAILURE, MavMessage, PAUSE_CONTINUE, REBOOT, RESULT_ACCEPTED,
     RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL, Severity, Which, parameter_value,
 };
-use crate::pace::now_ns;
-use crate::parameter::{Parameter, What, as_typed, parameters};
-use crate::profile::{Profile, SensorRates};
-use crate::stream::{self, Refusal};
+use crate::wire::profile::{Profile, SensorRates};
+use crate::wire::reply::{ByteBudget, ReplyQueue};
+use crate::wire::stream::{self, Refusal};
 
 /// Frames of a ground station that wait for room on the flight controller's wire.
 const QUEUE: usize = 64;
@@ -81,8 +81,8 @@ type Answer = Result<(), (u8, String)>;
 /// What is open between the bench and those who ask.
 pub(super) struct Services {
     parameters: Vec<Parameter>,
-    desk: Desk,
-    allowance: Allowance,
+    replies: ReplyQueue,
+    budget: ByteBudget,
     /// What the profile's streams leave of the line (byte/s).
     spare_bytes_s: f64,
     tells_events: bool,
@@ -106,8 +106,8 @@ impl Services {
         let spare_bytes_s = baud.map(|baud| profile.spare_bytes_s(rates, baud));
         Self {
             parameters: parameters(),
-            desk: Desk::default(),
-            allowance: spare_bytes_s.map_or_else(Allowance::socket, Allowance::new),
+            replies: ReplyQueue::default(),
+            budget: spare_bytes_s.map_or_else(ByteBudget::socket, ByteBudget::new),
             spare_bytes_s: spare_bytes_s.unwrap_or(f64::INFINITY),
             tells_events: false,
             told: 0,
@@ -163,7 +163,7 @@ impl Bench<'_> {
 
     /// What the flight controller says, unless it is about flying.
     pub(super) fn take_request(&mut self, said: &FromFc) {
-        let reaches = |to: crate::mavlink::Address| to.reaches(stream::ADDRESS);
+        let reaches = |to: crate::wire::mavlink::Address| to.reaches(stream::ADDRESS);
         match said {
             FromFc::Command(command) if reaches(command.to) => self.take_command(command, Port::Fc),
             FromFc::ParameterList(to) | FromFc::ParameterRead(to, _) | FromFc::ParameterSet(to, ..)
@@ -183,19 +183,19 @@ impl Bench<'_> {
         let now_ns = now_ns();
         // A board that is not in the loop gets nothing but heartbeats, from a ground station neither.
         if self.may_stream() {
-            let mut desk = std::mem::take(&mut self.services.desk);
-            while self.services.allowance.is_open(now_ns)
-                && let Some(message) = desk.next(|i| self.parameter_message(i))
+            let mut replies = std::mem::take(&mut self.services.replies);
+            while self.services.budget.is_open(now_ns)
+                && let Some(message) = replies.next(|i| self.parameter_message(i))
             {
                 let bytes = self.streams.put_service(&message);
-                self.services.allowance.spend(bytes);
+                self.services.budget.spend(bytes);
             }
-            self.services.desk = desk;
-            while self.services.allowance.is_open(now_ns)
+            self.services.replies = replies;
+            while self.services.budget.is_open(now_ns)
                 && let Some(raw) = self.services.to_fc.pop_front()
             {
                 self.streams.put_raw(&raw);
-                self.services.allowance.spend(raw.len());
+                self.services.budget.spend(raw.len());
                 if let Some(ground) = &mut self.ground {
                     ground.note_forwarded();
                 }
@@ -234,7 +234,7 @@ impl Bench<'_> {
         self.link.wait(std::time::Instant::now() + std::time::Duration::from_millis(20));
         self.receive();
         let now_us = self.flight.time().us();
-        self.clock.go_on(now_us, now_us);
+        self.clock.resume_at(now_us, now_us);
     }
 
     /// Nobody takes the place of a controller that has a vehicle in its hands or waits while time stands.
@@ -285,13 +285,13 @@ impl Bench<'_> {
         }
         self.command = ActuatorCommand::SAFE;
         self.hold_peer();
-        self.hands = Hands::default();
+        self.hands = HandoverMonitor::default();
         self.sampled = SimTime::ZERO;
         if let Some(planner) = &mut self.planner {
             planner.forget();
         }
         self.disruption = Disruption::new(u64::from(seed));
-        self.clock.go_on(flown.us(), self.flight.time().us());
+        self.clock.resume_at(flown.us(), self.flight.time().us());
         if self.clock.speed() != 1.0 {
             self.flight.note_modified(&format!("SIM_SPEED {}", self.clock.speed()));
         }
@@ -354,10 +354,10 @@ impl Bench<'_> {
             if let Some(ground) = &mut self.ground
                 && ground.has_listener()
             {
-                ground.desk.tell(severity, &format!("SIMULATED {}", text.trim_end()));
+                ground.replies.tell(severity, &format!("SIMULATED {}", text.trim_end()));
             }
             if self.services.tells_events {
-                self.services.desk.tell(severity, text.trim_end());
+                self.services.replies.tell(severity, text.trim_end());
             }
         }
         self.services.told = self.flight.events().len();
@@ -375,8 +375,8 @@ impl Bench<'_> {
                 result
             }
         };
-        if let Some(desk) = self.desk(port) {
-            desk.acknowledge(command, result);
+        if let Some(replies) = self.replies(port) {
+            replies.acknowledge(command, result);
         }
     }
 
@@ -451,7 +451,7 @@ impl Bench<'_> {
                     Ok(()) => {
                         let left = (spare_bytes_s - self.streams.asked_bytes_s()).max(0.0);
                         if left.is_finite() {
-                            self.services.allowance.set_rate(left);
+                            self.services.budget.set_rate(left);
                         }
                         Ok(())
                     }
@@ -464,8 +464,8 @@ impl Bench<'_> {
     fn take_parameter(&mut self, said: &FromFc, port: Port) {
         match said {
             FromFc::ParameterList(_) => {
-                if let Some(desk) = self.desk(port) {
-                    desk.list_parameters();
+                if let Some(replies) = self.replies(port) {
+                    replies.list_parameters();
                 }
             }
             FromFc::ParameterRead(_, Which::Index(index)) => match self.parameter_message(*index) {
@@ -647,23 +647,23 @@ impl Bench<'_> {
         }
     }
 
-    fn desk(&mut self, port: Port) -> Option<&mut Desk> {
+    fn replies(&mut self, port: Port) -> Option<&mut ReplyQueue> {
         match port {
-            Port::Fc => Some(&mut self.services.desk),
-            Port::Ground => self.ground.as_mut().map(|ground| &mut ground.desk),
+            Port::Fc => Some(&mut self.services.replies),
+            Port::Ground => self.ground.as_mut().map(|ground| &mut ground.replies),
         }
     }
 
     fn say(&mut self, port: Port, message: MavMessage) {
-        if let Some(desk) = self.desk(port) {
-            desk.say(message);
+        if let Some(replies) = self.replies(port) {
+            replies.say(message);
         }
     }
 
     fn tell(&mut self, port: Port, severity: Severity, text: &str) {
         let text = if port == Port::Ground { format!("SIMULATED {text}") } else { text.to_owned() };
-        if let Some(desk) = self.desk(port) {
-            desk.tell(severity, &text);
+        if let Some(replies) = self.replies(port) {
+            replies.tell(severity, &text);
         }
     }
 }

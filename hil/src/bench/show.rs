@@ -4,7 +4,7 @@ use hopbench::signal::{ActuatorCommand, Throttle};
 use hopbench::simulation::{Flight, Source};
 
 use super::{Bench, Stage};
-use crate::pace::now_ns;
+use crate::bench::pace::now_ns;
 
 impl Bench<'_> {
     pub(super) fn inform(&mut self) {

@@ -12,15 +12,15 @@ use hopbench::autopilot::allocation::ThrottleOutput;
 use hopbench::controls::ThrottleKind;
 use hopbench::environment::Environment;
 use hopbench::scenario::Scenario;
-use hopbench::simulation::{Instrumentation, outfit};
+use hopbench::simulation::{Instrumentation, data_sheet};
 use serde_json::json;
 
 use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json};
+use crate::bench::pilot::Pilot;
 use crate::bench::scale;
-use crate::link::{Link, LinkSpec};
 use crate::load;
-use crate::pilot::Pilot;
-use crate::profile;
+use crate::wire::link::{Link, LinkSpec};
+use crate::wire::profile;
 
 /// Fly a plant at the other end of a MAVLink link with the built-in autopilot
 #[derive(Debug, clap::Args)]
@@ -96,7 +96,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
 pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: ThrottleKind) -> Result<Pilot> {
     let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(scenario.file.seed))
         .map_err(|fault| load::contradiction(Path::new(&scenario.name), fault))?;
-    let mut parameters = outfit::autopilot(scenario, &environment, instruments);
+    let mut parameters = data_sheet::autopilot(scenario, &environment, instruments);
     parameters.actuators.throttle_output = match scenario.vehicle.controls.speaks(throttle) {
         ThrottleKind::Thrust => ThrottleOutput::Thrust,
         ThrottleKind::Valve => ThrottleOutput::Valve,

@@ -8,11 +8,11 @@ use std::time::Instant;
 use anyhow::Result;
 
 use super::{Common, DONE, INTERRUPTED, UNEXPECTED, hil, print_json, print_text, wrong};
-use crate::campaign::folder::{CampaignFolder, Shard, merged};
-use crate::campaign::summary::{Summary, share};
-use crate::campaign::{Campaign, Slot, picture};
-use crate::live::Live;
-use crate::report::{RunFolder, summary};
+use crate::bench::live::Live;
+use crate::evidence::campaign::folder::{CampaignFolder, Shard, merged};
+use crate::evidence::campaign::summary::{Summary, share};
+use crate::evidence::campaign::{Campaign, Slot, picture};
+use crate::evidence::report::{RunFolder, summary};
 
 /// Fly a scenario many times with values drawn anew; statistics with confidence bounds
 #[derive(Debug, clap::Args)]

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use hopbench::input::{Fault, InputError};
+use hopbench::input::{Diagnostic, InputError};
 use hopbench::plant::signs;
 use hopbench::propulsion::ValveMapCheck;
 use hopbench::scenario::{CampaignFile, ScenarioFile};
@@ -14,7 +14,7 @@ use hopbench::vehicle::VehicleFile;
 use serde_json::json;
 
 use super::{Common, DONE, UNEXPECTED, leaves_nothing, print_json, print_text};
-use crate::campaign::Campaign;
+use crate::evidence::campaign::Campaign;
 use crate::load::{self, Kind};
 
 /// Validate any scenario, vehicle or campaign file
@@ -57,7 +57,11 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         let Some(text) = text else {
             return Err(InputError {
                 file: args.file.display().to_string(),
-                faults: vec![Fault { line: None, key: key.clone(), message: "unknown key".to_owned() }],
+                diagnostics: vec![Diagnostic {
+                    line: None,
+                    key: key.clone(),
+                    message: "unknown key".to_owned(),
+                }],
             }
             .into());
         };

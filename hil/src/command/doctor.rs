@@ -8,11 +8,12 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json, print_text};
-use crate::doctor::{Account, Finding, Observation, Severity};
+use crate::doctor::{Explanation, Finding, Observation, Severity};
 use crate::doctor::{diagnose, diagnose_machine, listen, machine, mapped};
-use crate::link::{Link, LinkSpec};
-use crate::profile::{self, SensorRates};
-use crate::{load, port};
+use crate::load;
+use crate::wire::link::{Link, LinkSpec};
+use crate::wire::port;
+use crate::wire::profile::{self, SensorRates};
 
 /// Say what is wrong with this machine and this link, and what to do. Never arms anything. Exit 0: nothing worse than a warning; 3: an error was found; 2: wrong arguments
 #[derive(Debug, clap::Args)]
@@ -44,15 +45,15 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             (format!("{spec}, profile {}", observation.profile.name), diagnose(&observation))
         }
     };
-    let accounts: Vec<Account> = findings.iter().map(Finding::account).collect();
-    let count = |severity| accounts.iter().filter(|account| account.severity == severity).count();
+    let explanations: Vec<Explanation> = findings.iter().map(Finding::explanation).collect();
+    let count = |severity| explanations.iter().filter(|explanation| explanation.severity == severity).count();
     let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
     if common.json {
         print_json(&json!({
-            "looked_at": heading, "errors": errors, "warnings": warnings, "findings": accounts,
+            "looked_at": heading, "errors": errors, "warnings": warnings, "findings": explanations,
         }))?;
     } else {
-        let told: String = accounts.iter().map(paragraph).collect();
+        let told: String = explanations.iter().map(paragraph).collect();
         print_text(&format!("{heading}\n\n{told}errors {errors}, warnings {warnings}\n"))?;
     }
     Ok(ExitCode::from(if errors > 0 { DEVICE_FAILED } else { DONE }))
@@ -102,15 +103,15 @@ fn observe(args: &Args, common: &Common, spec: &LinkSpec) -> Result<Observation>
     Ok(seen)
 }
 
-fn paragraph(account: &Account) -> String {
-    let severity = match account.severity {
+fn paragraph(explanation: &Explanation) -> String {
+    let severity = match explanation.severity {
         Severity::Ok => "ok",
         Severity::Warning => "warning",
         Severity::Error => "error",
     };
-    let mut text = format!("{severity:<8} {}: {}\n", account.name, account.seen);
-    if account.severity != Severity::Ok {
-        text += &format!("         why: {}\n         do:  {}\n", account.why, account.fix);
+    let mut text = format!("{severity:<8} {}: {}\n", explanation.name, explanation.seen);
+    if explanation.severity != Severity::Ok {
+        text += &format!("         why: {}\n         do:  {}\n", explanation.why, explanation.fix);
     }
     text
 }

@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use anyhow::Result;
 use hopbench::fluid::Nitrous;
 use hopbench::input::InputError;
-use hopbench::propulsion::{EngineCondition, Guess};
+use hopbench::propulsion::{EngineCondition, WarmStart};
 use hopbench::vehicle::Vehicle;
 
 use super::{Common, DONE, check, leaves_nothing, print_json, print_text, wrong};
+use crate::evidence::report::RunFolder;
+use crate::evidence::throttle_map::{Point, ThrottleMap};
 use crate::load;
-use crate::report::RunFolder;
-use crate::throttle_map::{Point, ThrottleMap};
 
 /// Steady points of the lit engine
 #[derive(Debug, clap::Args)]
@@ -76,7 +76,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let feed = engine.feed_map(tank_bar * 1e5, tank_k);
     let at_valve = |valve_rad: f64| {
         let area_m2 = engine.valve_area().area_m2(valve_rad);
-        engine.operating_point(&feed, area_m2, &condition, Guess::default())
+        engine.operating_point(&feed, area_m2, &condition, WarmStart::default())
     };
     let open_deg = vehicle.valve_servo.upper_rad.to_degrees();
 
@@ -106,7 +106,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         Point::new(&vehicle, valve_rad, &at_valve(valve_rad), asked > open_deg + 1e-6)
     } else {
         let thrust_n = within("--thrust-n", args.thrust_n.unwrap_or_default(), 0.0, 1e6)?;
-        let inverse = engine.inverse(&feed, thrust_n, &condition, Guess::default());
+        let inverse = engine.inverse(&feed, thrust_n, &condition, WarmStart::default());
         Point::new(&vehicle, inverse.valve_rad, &inverse.point, inverse.saturated)
     };
     if common.json {

@@ -7,14 +7,14 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use hopbench::input::{Fault, InputError};
+use hopbench::input::{Diagnostic, InputError};
 use hopbench::plant::Snapshot;
 use hopbench::simulation;
 
 use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use crate::bench::pace::{Distribution, now_ns};
+use crate::evidence::report::{RunFolder, summary};
 use crate::load;
-use crate::pace::{Distribution, now_ns};
-use crate::report::{RunFolder, summary};
 
 /// Fly a scenario in memory: built-in autopilot, or an open-loop schedule
 #[derive(Debug, clap::Args)]
@@ -37,7 +37,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if args.csv_rate == 0 || 1000 % args.csv_rate != 0 {
         return Err(InputError {
             file: "command line".to_owned(),
-            faults: vec![Fault {
+            diagnostics: vec![Diagnostic {
                 line: None,
                 key: "--csv-rate".to_owned(),
                 message: format!("{} is out of range; allowed: the divisors of 1000", args.csv_rate),

@@ -12,16 +12,16 @@ use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
 use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
+use crate::bench::baseline::Baselines;
+use crate::bench::ground::Ground;
+use crate::bench::live::Live;
+use crate::bench::realtime::{self, Privileges};
 use crate::bench::{Belief, Bench, Options};
-use crate::certificate::{self, Machine};
-use crate::ground::Ground;
-use crate::link::{Link, LinkSpec};
-use crate::live::Live;
+use crate::evidence::certificate::{self, Machine};
+use crate::evidence::report::{RunFolder, summary};
 use crate::load;
-use crate::profile::{self, Budget, Pacing, Profile, SensorRates};
-use crate::realtime::{self, Privileges};
-use crate::report::{RunFolder, summary};
-use crate::yardstick::Yardsticks;
+use crate::wire::link::{Link, LinkSpec};
+use crate::wire::profile::{self, Budget, Pacing, Profile, SensorRates};
 
 /// Put a flight controller on the bench: the plant in real time or in lockstep, MAVLink on the wire
 #[derive(Debug, clap::Args)]
@@ -144,8 +144,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     };
     let belief = || built_in.as_ref().and_then(BuiltIn::belief);
     let privileges = privileges(args);
-    let yardsticks = args.references.then(|| Yardsticks::start((flight.step_s() * 1e6).round() as u64));
-    let yardsticks = yardsticks.transpose().context("no bare sleep and echo beside the run")?;
+    let baselines = args.references.then(|| Baselines::start((flight.step_s() * 1e6).round() as u64));
+    let baselines = baselines.transpose().context("no bare sleep and echo beside the run")?;
     let mut bench = Bench::new(&mut flight, &mut link, options, live).believing(&belief);
     if let Some(ground) = &mut ground {
         bench = bench.watched(ground);
@@ -154,7 +154,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         bench = bench.staying();
     }
     let (mut timing, link_report) = bench.run(&stop);
-    if let Some((sleep, echo)) = yardsticks.map(Yardsticks::finish) {
+    if let Some((sleep, echo)) = baselines.map(Baselines::finish) {
         (timing.reference_sleep_us, timing.reference_echo_us) = (sleep.percentiles(), echo.percentiles());
     }
     timing.scheduler = privileges.as_ref().map(|privileges| privileges.granted().clone());

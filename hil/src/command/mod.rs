@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use hopbench::input::{Fault, InputError};
+use hopbench::input::{Diagnostic, InputError};
 
 pub mod autopilot;
 pub mod campaign;
@@ -52,7 +52,7 @@ pub fn exit_code(error: &anyhow::Error) -> ExitCode {
 fn wrong(key: &str, message: String) -> InputError {
     InputError {
         file: "command line".to_owned(),
-        faults: vec![Fault { line: None, key: key.to_owned(), message }],
+        diagnostics: vec![Diagnostic { line: None, key: key.to_owned(), message }],
     }
 }
 

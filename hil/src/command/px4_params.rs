@@ -7,10 +7,10 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::{Common, DONE, print_json, print_text, wrong};
+use crate::evidence::report::RunFolder;
 use crate::load::{self, Kind};
 use crate::px4::budget::Hop;
 use crate::px4::{airframe, files};
-use crate::report::RunFolder;
 
 /// Write a PX4 airframe and its parameters for this vehicle, SITL and HITL
 #[derive(Debug, clap::Args)]

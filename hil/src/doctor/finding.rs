@@ -1,7 +1,7 @@
 //! Everything that can be found, in words: what was seen, why it happens, what to do.
 
-use crate::mavlink::Counters;
-use crate::port::{Holder, Port};
+use crate::wire::mavlink::Counters;
+use crate::wire::port::{Holder, Port};
 
 /// How bad it is, in rising order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -17,7 +17,7 @@ pub enum Severity {
 
 /// A finding in words.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Account {
+pub struct Explanation {
     /// How bad it is.
     pub severity: Severity,
     /// The cause, one word for scripts.
@@ -215,18 +215,18 @@ const ARDUPILOT: u8 = 3;
 impl Finding {
     /// How bad it is.
     pub fn severity(&self) -> Severity {
-        self.account().severity
+        self.explanation().severity
     }
 
     /// The cause, one word for scripts.
     pub fn name(&self) -> &'static str {
-        self.account().name
+        self.explanation().name
     }
 
     /// In words. One list, read top to bottom.
-    pub fn account(&self) -> Account {
+    pub fn explanation(&self) -> Explanation {
         use Severity::{Error, Ok, Warning};
-        let of = |severity, name, seen: String, why: &str, fix: String| Account {
+        let of = |severity, name, seen: String, why: &str, fix: String| Explanation {
             severity,
             name,
             seen,
@@ -422,7 +422,7 @@ impl Finding {
                 "a run begins disarmed: the first armed frame releases the vehicle at once",
                 "disarm it; keep igniter and oxidiser disconnected".to_owned(),
             ),
-            Self::NoControls { id, autopilot, heartbeats, sensors_sent, profile } => Account {
+            Self::NoControls { id, autopilot, heartbeats, sensors_sent, profile } => Explanation {
                 severity: Error,
                 name: "no_controls",
                 seen: format!(

@@ -11,10 +11,10 @@ use hopbench::signal::{AltimeterSample, BarometerSample, GnssFix, ImuSample, Mea
 use hopbench::time::SimTime;
 
 use super::{Heard, Sender};
-use crate::link::{Link, Notice};
-use crate::mavlink::{ControlsFrame, Decoder, Frame, FromFc, MODE_ARMED, MODE_HIL};
-use crate::profile::{Heartbeat, Profile, SensorRates};
-use crate::stream::Streams;
+use crate::wire::link::{Link, Notice};
+use crate::wire::mavlink::{ControlsFrame, Decoder, Frame, FromFc, MODE_ARMED, MODE_HIL};
+use crate::wire::profile::{Heartbeat, Profile, SensorRates};
+use crate::wire::stream::Streams;
 
 /// A jump of the controller's clock ahead of this machine's: more than any queue on the way explains (s).
 const JUMP_S: f64 = 0.5;

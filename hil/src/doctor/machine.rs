@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rustix::process::{Resource, Rlimit, getrlimit};
 
 use super::Finding;
-use crate::port::{self, Port, word};
+use crate::wire::port::{self, Port, word};
 
 /// What a bench needs of its machine. `None`: this machine does not say.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,16 +9,16 @@ use std::io::ErrorKind;
 use hopbench::controls::{CHANNEL_COUNT, Controls};
 use hopbench::scenario::SequenceSource;
 
-use crate::link::{LinkSpec, OpenFailure};
-use crate::mavlink::Counters as DecoderCounters;
-use crate::port::{Holder, Port};
-use crate::profile::{Budget, Profile, SensorRates};
+use crate::wire::link::{LinkSpec, OpenFailure};
+use crate::wire::mavlink::Counters as DecoderCounters;
+use crate::wire::port::{Holder, Port};
+use crate::wire::profile::{Budget, Profile, SensorRates};
 
 mod finding;
 pub mod listen;
 pub mod machine;
 
-pub use finding::{Account, Finding, Severity};
+pub use finding::{Explanation, Finding, Severity};
 pub use machine::Machine;
 
 /// Bytes of one HIL_ACTUATOR_CONTROLS on the wire, and how often PX4 is asked for it (Hz).
@@ -35,7 +35,7 @@ const AUTOPILOT_INVALID: u8 = 8;
 /// MAV_COMP_ID_AUTOPILOT1
 const AUTOPILOT_COMPONENT: u8 = 1;
 /// Who the bench speaks as.
-const OWN_SENDER: (u8, u8) = (crate::stream::ADDRESS.system, crate::stream::ADDRESS.component);
+const OWN_SENDER: (u8, u8) = (crate::wire::stream::ADDRESS.system, crate::wire::stream::ADDRESS.component);
 
 /// All that was seen on one link.
 #[derive(Clone, Debug)]
@@ -205,7 +205,7 @@ fn not_opened(seen: &Observation, failure: &OpenFailure) -> Finding {
             Finding::NoPort { path, present }
         }
         ErrorKind::PermissionDenied => {
-            Finding::PermissionDenied { group: crate::port::group_of(path.as_ref()), path }
+            Finding::PermissionDenied { group: crate::wire::port::group_of(path.as_ref()), path }
         }
         ErrorKind::ResourceBusy => Finding::PortBusy { path, cause: failure.cause.clone() },
         ErrorKind::AddrInUse => Finding::AddressInUse { link: path },

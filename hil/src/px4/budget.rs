@@ -7,7 +7,7 @@
 
 use hopbench::dynamics::mass::Contents;
 use hopbench::input::Invalid;
-use hopbench::propulsion::{EngineCondition, Guess};
+use hopbench::propulsion::{EngineCondition, WarmStart};
 use hopbench::vehicle::Vehicle;
 use serde::{Serialize, Serializer};
 
@@ -232,7 +232,7 @@ fn at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
         for _ in 0..steps as usize {
             let condition = EngineCondition::burning(now.port_radius_m, throat_m, vehicle.site.pressure_pa);
             let weight_n = Lander::of(vehicle, &now).weight_n();
-            let point = engine.inverse(&feed, weight_n, &condition, Guess::default()).point;
+            let point = engine.inverse(&feed, weight_n, &condition, WarmStart::default()).point;
             // What is asked for counts, there or not, past burn-through at the last radius: the shortage is then a
             // number.
             nitrous_used_kg += point.oxidizer_kg_s * step_s;

@@ -8,7 +8,7 @@ use super::allocation::Outputs;
 use super::budget::{Budget, JERK_M_S3, TAKEOFF_RAMP_S, TAKEOFF_SPEED_M_S};
 use super::tuning::{DIFFERENTIAL_CUTOFF_HZ, Tuning};
 use super::{Lander, Target};
-use crate::profile::{PX4_HITL, PX4_SITL};
+use crate::wire::profile::{PX4_HITL, PX4_SITL};
 
 /// A parameter of PX4.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Report, Source};
+use hopbench_hil::bench::live::Live;
 use hopbench_hil::bench::{Belief, Bench, Options};
 use hopbench_hil::command::autopilot::pilot;
-use hopbench_hil::link::Link;
-use hopbench_hil::live::Live;
 use hopbench_hil::load;
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
-use hopbench_hil::profile::{Pacing, Profile};
+use hopbench_hil::wire::link::Link;
+use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
+use hopbench_hil::wire::profile::{Pacing, Profile};
 
 pub fn scenario(overrides: &[&str]) -> Scenario {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/hover_5m.toml");

@@ -4,7 +4,7 @@
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-use hopbench_hil::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
+use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
 
 /// The master end; `path` is what a serial link opens. Dropped, the port is unplugged.
 pub struct Terminal {

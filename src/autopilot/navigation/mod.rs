@@ -141,7 +141,7 @@ const HISTORY_SPACING: SimTime = SimTime::from_us(3_900);
 
 /// Whether the vehicle is known to stand still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum GroundState {
     /// Where it was aligned.
     OnPad,
     /// Somewhere on the ground.
@@ -161,7 +161,7 @@ pub struct NavigationHealth {
 
 /// How long the filter has been flying blind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sight {
+pub struct AidingStatus {
     /// Satellite fixes refused, in part or whole, in succession.
     pub gnss_refused: u32,
     /// Time since the last fix that was used whole (s).
@@ -187,7 +187,7 @@ pub struct Navigation {
     time: Option<SimTime>,
     datum: Option<Datum>,
     altimeter_offset_m: f64,
-    sight: Sight,
+    sight: AidingStatus,
     gnss_contradictions: u32,
     altimeter_refused: u32,
     standing_for: u32,
@@ -232,7 +232,7 @@ impl Navigation {
             time: None,
             datum: None,
             altimeter_offset_m: 0.0,
-            sight: Sight::default(),
+            sight: AidingStatus::default(),
             gnss_contradictions: 0,
             altimeter_refused: 0,
             standing_for: 0,
@@ -351,7 +351,7 @@ impl Navigation {
     }
 
     /// One measurement: prediction with the inertial sample, then whatever else came.
-    pub fn step(&mut self, m: &Measurement, standing: Standing) {
+    pub fn step(&mut self, m: &Measurement, standing: GroundState) {
         let before = self.now;
         if let Some(imu) = &m.imu {
             let gap_s = self.time.map_or(imu.interval_s, |t| m.time.since(t).s());
@@ -369,7 +369,7 @@ impl Navigation {
             self.sight.altimeter_silence_s += dt_s;
             self.time = Some(m.time);
             self.remember(m.time);
-            self.use_rest(standing);
+            self.zero_velocity_update(standing);
         }
         if let Some(fix) = &m.gnss {
             self.use_gnss(fix, m.time);
@@ -498,7 +498,7 @@ impl Navigation {
     }
 
     /// Position and velocity become uncertain again, so that the next fixes pull them in.
-    fn loosen(&mut self) {
+    fn inflate_covariance(&mut self) {
         for i in 0..3 {
             self.covariance[(P + i, P + i)] += 4.0;
             self.covariance[(V + i, V + i)] += 0.25;
@@ -514,7 +514,7 @@ impl Navigation {
         if !sound {
             self.now = *before;
             self.covariance = self.initial_covariance(1.0);
-            self.loosen();
+            self.inflate_covariance();
         }
     }
 
@@ -560,7 +560,7 @@ impl Navigation {
     }
 
     /// How long satellites and altimeter have been silent.
-    pub const fn sight(&self) -> Sight {
+    pub const fn sight(&self) -> AidingStatus {
         self.sight
     }
 

@@ -179,7 +179,7 @@ fn the_update_is_joseph_s_and_the_covariance_stays_one() {
     for step in 0..15_000u64 {
         let time = SimTime::from_us(1_000_000 + 4000 * (step + 1));
         let m = Measurement { time, imu: Some(imu(step)), ..Measurement::default() };
-        navigation.step(&m, Standing::No);
+        navigation.step(&m, GroundState::No);
         // What is measured is what is expected: the covariance does not look at the values.
         let field = navigation.now.q_ned_from_body.inverse() * Vec3::new(2.39e-5, -2.6e-6, 3.86e-5);
         if step % 5 == 0 {

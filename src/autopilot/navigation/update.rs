@@ -3,7 +3,7 @@
 //! A measurement is one or more [`Scalar`]s, all of the state before it; they are taken in one after the other, each
 //! less what those before it have already explained.
 
-use super::{BARO, DRIFT, HEADING, Nominal, P, Row, STATES, Standing, TH, V};
+use super::{BARO, DRIFT, GroundState, HEADING, Nominal, P, Row, STATES, TH, V};
 use super::{Navigation, Vec3};
 use crate::environment::geodesy::Geodetic;
 use crate::frame::skew;
@@ -109,8 +109,8 @@ impl Navigation {
         self.corrected_velocity_m_s += block(V);
     }
 
-    pub(super) fn use_rest(&mut self, standing: Standing) {
-        if standing == Standing::No {
+    pub(super) fn zero_velocity_update(&mut self, standing: GroundState) {
+        if standing == GroundState::No {
             self.standing_for = 0;
             return;
         }
@@ -121,7 +121,7 @@ impl Navigation {
         }
         let still = self.still_scalars();
         self.fuse_all(&still);
-        if standing == Standing::OnPad {
+        if standing == GroundState::OnPad {
             let here = self.pad_scalars();
             self.fuse_all(&here);
         }
@@ -168,7 +168,7 @@ impl Navigation {
         self.gnss_contradictions += 1;
         if self.gnss_contradictions >= 20 {
             // Two seconds of contradiction: it is the filter that is wrong.
-            self.loosen();
+            self.inflate_covariance();
         }
     }
 

@@ -19,7 +19,7 @@ use super::trajectory::Reference;
 use crate::frame::{Mat3, Vec3};
 use model::{ANGLE_RAD, Airframe, INPUTS, Pose, STATES, THRUST_N, TORQUE_N_M};
 use nalgebra::UnitQuaternion;
-use observer::{Observer, Seen, ServoParameters};
+use observer::{MotionEstimate, Observer, ServoParameters};
 
 /// What predictive tracking is told before the flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,7 +124,7 @@ pub struct Control {
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<'a> {
     /// Motion of the centre of mass, attitude, thrust.
-    pub seen: &'a Seen,
+    pub seen: &'a MotionEstimate,
     /// Disturbances and the gimbal.
     pub observer: &'a Observer,
     /// Vehicle as of now.

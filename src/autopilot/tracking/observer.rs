@@ -58,7 +58,7 @@ impl Servo {
 
 /// Motion as estimated by navigation.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen {
+pub struct MotionEstimate {
     /// Position of the centre of mass (m).
     pub position_ned_m: Vec3,
     /// Its velocity (m/s).
@@ -113,7 +113,7 @@ impl Observer {
         airframe: &Airframe,
         gravity_m_s2: f64,
         command: ([f64; 2], f64),
-        seen: &Seen,
+        seen: &MotionEstimate,
         dt_s: f64,
     ) {
         let (gimbal_rad, roll_n_m) = command;
@@ -173,7 +173,7 @@ impl Observer {
     }
 
     /// Body rate without the part that the gimbal's own motion gives it.
-    pub fn momentum_rate(&self, airframe: &Airframe, seen: &Seen) -> Vec3 {
+    pub fn momentum_rate(&self, airframe: &Airframe, seen: &MotionEstimate) -> Vec3 {
         let [kx, ky] = airframe.recoil;
         let [x, y] = self.servos;
         seen.rate_body_rad_s - Vec3::new(kx * x.rate_rad_s, ky * y.rate_rad_s, 0.0)

@@ -20,7 +20,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{SerialPort, SerialPortBuilderExt, SerialStream};
 
 use super::OpenFailure;
-use crate::port;
+use crate::wire::port;
 
 /// Bytes that may wait between the two threads: a tenth of a second at 921600 baud. What waits longer is
 /// stale, and is better dropped where drops are counted.

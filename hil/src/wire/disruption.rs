@@ -19,7 +19,7 @@ use hopbench::noise::{self, Stream};
 use hopbench::simulation::report::{Disrupted, DisruptedWay};
 use hopbench::time::SimTime;
 
-use crate::mavlink::{Cut, cut, sample_time_us};
+use crate::wire::mavlink::{Cut, cut, sample_time_us};
 
 /// Frames under way in one direction: ten seconds of a thousand samples a second. More are lost.
 const UNDER_WAY: usize = 16 * 1024;
@@ -252,7 +252,7 @@ impl Way {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mavlink::{ControlsFrame, Decoder, Encoder, FromFc, actuator_controls};
+    use crate::wire::mavlink::{ControlsFrame, Decoder, Encoder, FromFc, actuator_controls};
 
     fn broken(from_fc: Direction) -> WireEffect {
         WireEffect { from_fc, ..WireEffect::default() }

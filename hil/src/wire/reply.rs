@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use crate::mavlink::{Command, Encoder, MavMessage, Severity, status_text};
+use crate::wire::mavlink::{Command, Encoder, MavMessage, Severity, status_text};
 
 /// Messages that wait; what comes on top is dropped and counted.
 const QUEUE: usize = 256;
@@ -14,13 +14,13 @@ const BURST_S: f64 = 0.004;
 
 /// Bytes a second that may be spent, by the wall clock.
 #[derive(Clone, Copy, Debug)]
-pub struct Allowance {
+pub struct ByteBudget {
     bytes_s: f64,
     left: f64,
     at_ns: u64,
 }
 
-impl Allowance {
+impl ByteBudget {
     /// So many bytes a second.
     pub fn new(bytes_s: f64) -> Self {
         Self { bytes_s, left: 0.0, at_ns: 0 }
@@ -59,14 +59,14 @@ impl Allowance {
 
 /// What is said at a desk.
 #[derive(Clone, Debug)]
-pub enum Said {
+pub enum Reply {
     /// A message of the dialect.
     Message(Box<MavMessage>),
     /// COMMAND_ACK with its MAV_RESULT: the command may be one that the dialect does not have.
     Ack(Command, u8),
 }
 
-impl Said {
+impl Reply {
     /// Appends its frame.
     pub fn encode(&self, encoder: &mut Encoder, bytes: &mut Vec<u8>) {
         match self {
@@ -78,26 +78,26 @@ impl Said {
 
 /// One end of a link at which requests are answered.
 #[derive(Debug, Default)]
-pub struct Desk {
-    waiting: VecDeque<Said>,
+pub struct ReplyQueue {
+    waiting: VecDeque<Reply>,
     /// Next entry of the list of parameters that was asked for.
     listing: Option<u16>,
     text_id: u16,
     dropped: u64,
 }
 
-impl Desk {
+impl ReplyQueue {
     /// Says this when its turn comes.
     pub fn say(&mut self, message: MavMessage) {
-        self.queue(Said::Message(Box::new(message)));
+        self.queue(Reply::Message(Box::new(message)));
     }
 
     /// Answers a command with a MAV_RESULT.
     pub fn acknowledge(&mut self, command: &Command, result: u8) {
-        self.queue(Said::Ack(*command, result));
+        self.queue(Reply::Ack(*command, result));
     }
 
-    fn queue(&mut self, said: Said) {
+    fn queue(&mut self, said: Reply) {
         if self.waiting.len() < QUEUE {
             self.waiting.push_back(said);
         } else {
@@ -124,14 +124,14 @@ impl Desk {
     }
 
     /// What is to be sent next. `parameter` gives an entry of the list, `None` behind its end.
-    pub fn next(&mut self, parameter: impl FnOnce(u16) -> Option<MavMessage>) -> Option<Said> {
+    pub fn next(&mut self, parameter: impl FnOnce(u16) -> Option<MavMessage>) -> Option<Reply> {
         if let Some(said) = self.waiting.pop_front() {
             return Some(said);
         }
         let index = self.listing?;
         let message = parameter(index);
         self.listing = message.is_some().then_some(index + 1);
-        message.map(|message| Said::Message(Box::new(message)))
+        message.map(|message| Reply::Message(Box::new(message)))
     }
 
     /// Messages that found no room.
@@ -143,24 +143,24 @@ impl Desk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mavlink::heartbeat;
+    use crate::wire::mavlink::heartbeat;
 
     /// 9216 byte/s for a second, asked every millisecond, in frames of 37 bytes.
     #[test]
     fn an_allowance_is_kept_to_a_frame_and_a_burst() {
-        let mut allowance = Allowance::new(9216.0);
+        let mut budget = ByteBudget::new(9216.0);
         let mut spent = 0;
         for ms in 0..=1000 {
-            while allowance.is_open(ms * 1_000_000) {
-                allowance.spend(37);
+            while budget.is_open(ms * 1_000_000) {
+                budget.spend(37);
                 spent += 37;
             }
         }
         assert!((9216 - 37..=9216 + 37 + 37).contains(&spent), "{spent}");
         // A long rest gives no more than the burst: 36.9 bytes, so one frame, and a second one that it begins.
         let mut frames = 0;
-        while allowance.is_open(60_000_000_000) {
-            allowance.spend(37);
+        while budget.is_open(60_000_000_000) {
+            budget.spend(37);
             frames += 1;
         }
         assert!(frames <= 2, "{frames}");
@@ -168,21 +168,21 @@ mod tests {
 
     #[test]
     fn a_list_comes_after_what_waits_and_ends() {
-        let mut desk = Desk::default();
-        desk.list_parameters();
-        desk.say(heartbeat(0));
-        let entry = |i: u16| (i < 3).then(|| crate::mavlink::parameter_value("X", f64::from(i), i, 3));
-        let said: Vec<_> = std::iter::from_fn(|| desk.next(entry)).collect();
+        let mut replies = ReplyQueue::default();
+        replies.list_parameters();
+        replies.say(heartbeat(0));
+        let entry = |i: u16| (i < 3).then(|| crate::wire::mavlink::parameter_value("X", f64::from(i), i, 3));
+        let said: Vec<_> = std::iter::from_fn(|| replies.next(entry)).collect();
         assert_eq!(said.len(), 4);
-        assert!(matches!(&said[0], Said::Message(m) if matches!(**m, MavMessage::HEARTBEAT(_))));
-        let Said::Message(last) = &said[3] else { panic!("{:?}", said[3]) };
+        assert!(matches!(&said[0], Reply::Message(m) if matches!(**m, MavMessage::HEARTBEAT(_))));
+        let Reply::Message(last) = &said[3] else { panic!("{:?}", said[3]) };
         assert!(matches!(&**last, MavMessage::PARAM_VALUE(data) if data.param_index == 2));
     }
 
     #[test]
     fn what_finds_no_room_is_counted() {
-        let mut desk = Desk::default();
-        (0..300).for_each(|_| desk.say(heartbeat(0)));
-        assert_eq!(desk.dropped(), 300 - QUEUE as u64);
+        let mut replies = ReplyQueue::default();
+        (0..300).for_each(|_| replies.say(heartbeat(0)));
+        assert_eq!(replies.dropped(), 300 - QUEUE as u64);
     }
 }

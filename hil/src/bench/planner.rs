@@ -8,7 +8,7 @@ use hopbench::autopilot::Autopilot;
 use hopbench::autopilot::planning::{Answer, LATENCY_S, Order};
 use hopbench::time::SimTime;
 
-use crate::realtime::spawn_ordinary;
+use crate::bench::realtime::spawn_ordinary;
 
 /// Solves what an autopilot orders.
 #[derive(Debug)]

@@ -13,15 +13,15 @@ use hopbench::simulation::Flight;
 use hopbench::simulation::report::GroundReport;
 use hopbench::time::SimTime;
 
-use crate::desk::{Allowance, Desk, Said};
-use crate::link::{Link, Notice};
-use crate::mavlink::telemetry::{
+use crate::wire::link::{Link, Notice};
+use crate::wire::mavlink::telemetry::{
     PLANT_ARRAY_ID, Sensor, attitude, extended_state, global_position, local_position, plant_array,
     system_status, vehicle_heartbeat,
 };
-use crate::mavlink::{Address, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
-use crate::profile::frame_bytes;
-use crate::stream::{Refusal, Timer};
+use crate::wire::mavlink::{Address, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
+use crate::wire::profile::frame_bytes;
+use crate::wire::reply::{ByteBudget, Reply, ReplyQueue};
+use crate::wire::stream::{Refusal, Timer};
 
 /// Who the bench is to a ground station.
 pub const GROUND_ADDRESS: Address = Address { system: 250, component: 1 };
@@ -51,8 +51,8 @@ pub struct Ground {
     decoder: Decoder,
     encoder: Encoder,
     /// Answers and texts.
-    pub desk: Desk,
-    allowance: Allowance,
+    pub replies: ReplyQueue,
+    budget: ByteBudget,
     heartbeat: Timer,
     banner: Timer,
     telemetry: [(u32, Option<Timer>); TELEMETRY.len()],
@@ -93,8 +93,8 @@ impl Ground {
             link,
             decoder: Decoder::default(),
             encoder: Encoder::new(system, component),
-            desk: Desk::default(),
-            allowance: baud.map_or_else(Allowance::socket, |baud| Allowance::new(bytes_s(baud))),
+            replies: ReplyQueue::default(),
+            budget: baud.map_or_else(ByteBudget::socket, |baud| ByteBudget::new(bytes_s(baud))),
             heartbeat: Timer::every_us(1_000_000),
             banner: Timer::every_us(10_000_000),
             contradiction: Timer::every_us(1_000_000),
@@ -168,7 +168,7 @@ impl Ground {
         let timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us }));
         let before = std::mem::replace(&mut self.telemetry[place].1, timer);
         let bytes_s = |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2);
-        let (taken_bytes_s, left_bytes_s) = (self.telemetry_bytes_s(), self.allowance.bytes_s());
+        let (taken_bytes_s, left_bytes_s) = (self.telemetry_bytes_s(), self.budget.bytes_s());
         // What asks for less always fits.
         if bytes_s(timer) > bytes_s(before) && taken_bytes_s > left_bytes_s {
             self.telemetry[place].1 = before;
@@ -196,10 +196,10 @@ impl Ground {
             self.put(&vehicle_heartbeat(view.is_armed));
         }
         if self.banner.fires(now) {
-            self.desk.tell(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight));
+            self.replies.tell(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight));
         }
-        while self.allowance.is_open(now_ns)
-            && let Some(said) = self.desk.next(&parameter)
+        while self.budget.is_open(now_ns)
+            && let Some(said) = self.replies.next(&parameter)
         {
             self.put_said(&said);
         }
@@ -207,15 +207,15 @@ impl Ground {
         for i in 0..last {
             self.report(i, now_ns, view);
         }
-        while self.allowance.is_open(now_ns)
+        while self.budget.is_open(now_ns)
             && let Some((id, raw)) = self.from_fc.pop_front()
         {
             self.room_for(raw.len());
-            self.allowance.spend(raw.len());
+            self.budget.spend(raw.len());
             self.out.extend_from_slice(&raw);
             self.counts.forwarded_from_fc += 1;
             if id == STATUSTEXT_ID && self.contradiction.fires(now) {
-                for piece in self.desk.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
+                for piece in self.replies.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
                     self.put(&piece);
                 }
             }
@@ -229,7 +229,7 @@ impl Ground {
         let (id, timer) = &mut self.telemetry[place];
         let id = *id;
         let Some(timer) = timer else { return };
-        if !self.allowance.is_open(now_ns) || !timer.fires(SimTime::from_us(now_ns / 1000)) {
+        if !self.budget.is_open(now_ns) || !timer.fires(SimTime::from_us(now_ns / 1000)) {
             return;
         }
         let (now, time_us) = (view.flight.snapshot(), view.time_us);
@@ -248,7 +248,7 @@ impl Ground {
         self.put_with(|encoder, out| encoder.encode(message, out));
     }
 
-    fn put_said(&mut self, said: &Said) {
+    fn put_said(&mut self, said: &Reply) {
         self.put_with(|encoder, out| said.encode(encoder, out));
     }
 
@@ -256,7 +256,7 @@ impl Ground {
         self.room_for(280);
         let before = self.out.len();
         encode(&mut self.encoder, &mut self.out);
-        self.allowance.spend(self.out.len() - before);
+        self.budget.spend(self.out.len() - before);
     }
 
     fn room_for(&mut self, bytes: usize) {
@@ -287,7 +287,7 @@ impl Ground {
             sent: self.encoder.frames(),
             received: decoder.frames + decoder.unknown,
             crc_errors: decoder.crc_errors,
-            dropped: self.counts.dropped + self.desk.dropped() + self.link.counters().dropped_queue_full,
+            dropped: self.counts.dropped + self.replies.dropped() + self.link.counters().dropped_queue_full,
             ..self.counts.clone()
         }
     }

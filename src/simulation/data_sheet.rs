@@ -18,7 +18,7 @@ use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::noise::sample_std;
-use crate::propulsion::{Drive, EngineCondition, Guess, PairLevels};
+use crate::propulsion::{Drive, EngineCondition, PairLevels, WarmStart};
 use crate::scenario::{Fidelity, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -107,7 +107,7 @@ pub fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(),
     let (engine, rating) = (&vehicle.engine, &vehicle.rating);
     let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let condition = lit(vehicle, engine.grain().port_radius_m, environment.atmosphere.pressure_pa);
-    let most = engine.inverse(&feed, rating.thrust_command_max_n, &condition, Guess::default());
+    let most = engine.inverse(&feed, rating.thrust_command_max_n, &condition, WarmStart::default());
     if !most.saturated {
         return Ok(());
     }
@@ -259,7 +259,7 @@ fn sequence(vehicle: &Vehicle, ambient_pa: f64) -> SequenceParameters {
     let feed = vehicle.engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let condition = lit(vehicle, vehicle.engine.grain().port_radius_m, ambient_pa);
     let idle =
-        vehicle.engine.inverse(&feed, vehicle.rating.thrust_command_min_n, &condition, Guess::default());
+        vehicle.engine.inverse(&feed, vehicle.rating.thrust_command_min_n, &condition, WarmStart::default());
     SequenceParameters {
         // Between unlit flow, a quarter of the idle pressure, and the burning chamber.
         lit_pressure_pa: ambient_pa + 0.4 * (idle.point.chamber_pa - ambient_pa),
@@ -285,7 +285,7 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
     // Where the engine cannot give the ends of the band, the table ends at what it gives at every radius.
     let within = |thrust_n: f64, tighter: fn(f64, f64) -> f64| {
         port_radius_m.iter().fold(thrust_n, |end_n, &radius| {
-            let at = engine.inverse(&feed, thrust_n, &lit(vehicle, radius, ambient_pa), Guess::default());
+            let at = engine.inverse(&feed, thrust_n, &lit(vehicle, radius, ambient_pa), WarmStart::default());
             if at.saturated { tighter(end_n, at.point.thrust_n) } else { end_n }
         })
     };
@@ -301,8 +301,11 @@ fn thrust_map(vehicle: &Vehicle, ambient_pa: f64) -> ThrustMap {
     };
     for &radius in &map.port_radius_m {
         let condition = lit(vehicle, radius, ambient_pa);
-        let points: Vec<_> =
-            map.thrust_n.iter().map(|&t| engine.inverse(&feed, t, &condition, Guess::default())).collect();
+        let points: Vec<_> = map
+            .thrust_n
+            .iter()
+            .map(|&t| engine.inverse(&feed, t, &condition, WarmStart::default()))
+            .collect();
         map.valve_rad.push(points.iter().map(|p| p.valve_rad).collect());
         map.oxidizer_kg_s.push(points.iter().map(|p| p.point.oxidizer_kg_s).collect());
         map.fuel_kg_s.push(points.iter().map(|p| p.point.fuel_kg_s).collect());

@@ -5,7 +5,7 @@ use hopbench::controls::ThrottleKind;
 use hopbench::sensor::SensorParameters;
 use hopbench::signal::Measurement;
 
-use crate::link::LinkSpec;
+use crate::wire::link::LinkSpec;
 
 /// One kind of flight controller.
 #[derive(Clone, Debug, PartialEq)]

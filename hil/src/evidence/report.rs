@@ -192,7 +192,7 @@ pub fn summary(report: &Report) -> String {
     if let Some(run) = &report.run {
         line(format!("to open        {run}/report.json"));
         if report.link.is_some() {
-            line(format!("to sign        {run}/{}", crate::certificate::FILE));
+            line(format!("to sign        {run}/{}", crate::evidence::certificate::FILE));
         }
     }
     text

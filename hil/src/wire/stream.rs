@@ -7,14 +7,14 @@ use hopbench::plant::Snapshot;
 use hopbench::signal::Measurement;
 use hopbench::time::SimTime;
 
-use crate::desk::Said;
-use crate::mavlink::measurement::{
+use crate::wire::mavlink::measurement::{
     TrueState, distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry,
     pressure, reset_mark,
 };
-use crate::mavlink::telemetry::{PLANT_ARRAY_ID, plant_array};
-use crate::mavlink::{Address, Encoder, MavMessage, heartbeat, reboot, system_time};
-use crate::profile::{Heartbeat, Profile, frame_bytes};
+use crate::wire::mavlink::telemetry::{PLANT_ARRAY_ID, plant_array};
+use crate::wire::mavlink::{Address, Encoder, MavMessage, heartbeat, reboot, system_time};
+use crate::wire::profile::{Heartbeat, Profile, frame_bytes};
+use crate::wire::reply::Reply;
 
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
 pub const ADDRESS: Address = Address { system: 1, component: 200 };
@@ -174,7 +174,7 @@ impl Streams {
     }
 
     /// Anything else that is said; its length on the wire.
-    pub fn put_service(&mut self, said: &Said) -> usize {
+    pub fn put_service(&mut self, said: &Reply) -> usize {
         let before = self.bytes.len();
         said.encode(&mut self.encoder, &mut self.bytes);
         self.bytes.len() - before
@@ -267,8 +267,8 @@ fn fits(asked: &[Option<Timer>; 2], kept: &[Option<Timer>; 2], left_bytes_s: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mavlink::Decoder;
-    use crate::profile::{GENERIC, PX4_HITL, PX4_SITL};
+    use crate::wire::mavlink::Decoder;
+    use crate::wire::profile::{GENERIC, PX4_HITL, PX4_SITL};
 
     fn ids(streams: &mut Streams) -> Vec<u32> {
         let mut decoder = Decoder::default();

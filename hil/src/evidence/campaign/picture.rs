@@ -7,7 +7,9 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::statistics::quantile;
 use super::table::Row;
-use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg};
+use crate::evidence::drawing::{
+    AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg,
+};
 
 const SIZE: (i32, i32) = (1200, 860);
 const SIZE_OF_POSITIONS: (i32, i32) = (1200, 680);

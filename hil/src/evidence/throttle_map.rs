@@ -7,13 +7,15 @@
 //! map's end, marked.
 
 use anyhow::Result;
-use hopbench::propulsion::{EngineCondition, FeedMap, Guess, Inverse, NozzleFlow, OperatingPoint};
+use hopbench::propulsion::{EngineCondition, FeedMap, Inverse, NozzleFlow, OperatingPoint, WarmStart};
 use hopbench::vehicle::Vehicle;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 
-use crate::drawing::{AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg};
+use crate::evidence::drawing::{
+    AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg,
+};
 
 /// One steady point, keys as in the manual.
 #[derive(Clone, Debug, Serialize)]
@@ -116,7 +118,7 @@ impl ThrottleMap {
         let rating = &vehicle.rating;
         let (least_of, most_of) = engine.mapped_of_ratios();
         let (_, most_kg_s) = engine.demand_kg_s();
-        let ask = |thrust_n: f64| engine.inverse(feed, thrust_n, condition, Guess::default());
+        let ask = |thrust_n: f64| engine.inverse(feed, thrust_n, condition, WarmStart::default());
         let greatest = ask(f64::MAX);
         let top_n = BEYOND * greatest.point.thrust_n.max(rating.thrust_command_max_n);
         let steps = (100.0 * top_n / rating.thrust_rated_n).ceil() as u32;

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::port;
+use crate::wire::port;
 
 /// Rates that serial hardware is made for: 12 Mbaud is the greatest of USB adapters. What a driver makes of
 /// a rate is asked when the port is open.

@@ -12,13 +12,13 @@ use hopbench::signal::Measurement;
 use hopbench::time::SimTime;
 
 use crate::bench::Belief;
-use crate::link::{Link, Notice};
-use crate::mavlink::measurement::{Gatherer, is_reset};
-use crate::mavlink::{
+use crate::bench::planner::Planner;
+use crate::wire::link::{Link, Notice};
+use crate::wire::mavlink::measurement::{Gatherer, is_reset};
+use crate::wire::mavlink::{
     ControlsFrame, Decoder, Encoder, Frame, FromFc, MODE_ARMED, MODE_HIL, MavMessage, RESULT_ACCEPTED,
     actuator_controls, heartbeat, is_reboot,
 };
-use crate::planner::Planner;
 
 /// MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, as PX4 sets it.
 const MODE_CUSTOM: u8 = 1;

@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crate::pace::{Distribution, now_ns, sleep_until_ns};
-use crate::realtime::spawn_ordinary;
+use crate::bench::pace::{Distribution, now_ns, sleep_until_ns};
+use crate::bench::realtime::spawn_ordinary;
 
 const ECHO_EVERY_NS: u64 = 10_000_000;
 /// Frame lengths on the wire (byte).
@@ -23,13 +23,13 @@ const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The two references, being measured.
 #[derive(Debug)]
-pub struct Yardsticks {
+pub struct Baselines {
     stop: Arc<AtomicBool>,
     sleeper: JoinHandle<Distribution>,
     echo: JoinHandle<Distribution>,
 }
 
-impl Yardsticks {
+impl Baselines {
     /// Starts both, with the privileges of the calling thread. `step_us`: how often to wake.
     ///
     /// # Errors
@@ -123,9 +123,9 @@ mod tests {
     #[test]
     fn both_are_measured_at_their_rates() {
         let start_ns = now_ns();
-        let yardsticks = Yardsticks::start(1000).unwrap();
+        let baselines = Baselines::start(1000).unwrap();
         std::thread::sleep(Duration::from_millis(300));
-        let (sleep, echo) = yardsticks.finish();
+        let (sleep, echo) = baselines.finish();
         let most = (now_ns() - start_ns) / 1_000_000 + 1;
         assert!((1..=most).contains(&sleep.count()), "{} of {most}", sleep.count());
         assert!((1..=most / 10 + 1).contains(&echo.count()), "{} of {}", echo.count(), most / 10);

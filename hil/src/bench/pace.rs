@@ -145,7 +145,7 @@ impl RealTime {
     }
 
     /// Ties the present to `time_us`, where simulated time stood still until now.
-    pub fn tie(&mut self, time_us: u64) {
+    pub fn start_at(&mut self, time_us: u64) {
         let now = now_ns();
         (self.origin_ns, self.origin_us) = (now, time_us);
         self.spell = None;
@@ -189,7 +189,7 @@ impl RealTime {
     }
 
     /// Simulated time has stood at `from_us` until now on purpose, and goes on at `to_us`.
-    pub fn go_on(&mut self, from_us: u64, to_us: u64) {
+    pub fn resume_at(&mut self, from_us: u64, to_us: u64) {
         let (now, deadline_ns) = (now_ns(), self.deadline_ns(from_us));
         if let Some(tied) = &mut self.tied {
             let stood_ns = now.saturating_sub(deadline_ns);
@@ -378,17 +378,17 @@ mod tests {
     #[test]
     fn pause_speed_and_reset_are_neither_late_nor_unaccounted_for() {
         let mut clock = RealTime::from_now(0, 1000);
-        clock.tie(0);
+        clock.start_at(0);
         let run = |clock: &mut RealTime, ms: std::ops::RangeInclusive<u64>| {
             ms.for_each(|ms| clock.wait_until(ms * 1000));
         };
         run(&mut clock, 1..=5);
         sleep_until_ns(now_ns() + 80_000_000);
-        clock.go_on(5000, 5000);
+        clock.resume_at(5000, 5000);
         clock.set_speed(2.0, 5000);
         run(&mut clock, 6..=25);
         // 20 ms at twice the speed take 10.
-        clock.go_on(25_000, 0);
+        clock.resume_at(25_000, 0);
         run(&mut clock, 1..=5);
         let account = clock.balance().unwrap();
         // 5 ms, 10 ms and 2.5 ms; a microsecond for what is rounded.
@@ -410,7 +410,7 @@ mod tests {
     /// A clock whose steps 1, 2, … begin as late as this (us).
     fn late_by(late_us: impl IntoIterator<Item = u64>) -> RealTime {
         let mut clock = RealTime::from_now(0, 1000);
-        clock.tie(0);
+        clock.start_at(0);
         for (i, late_us) in late_us.into_iter().enumerate() {
             let time_us = 1000 * (i as u64 + 1);
             clock.account(time_us, clock.deadline_ns(time_us) + 1000 * late_us, 1000 * late_us);
@@ -465,7 +465,7 @@ mod tests {
     #[test]
     fn a_step_that_never_keeps_up_leaves_time_to_others() {
         let mut clock = RealTime::from_now(0, 1000);
-        clock.tie(0);
+        clock.start_at(0);
         // Three milliseconds of work in a step of one.
         let (start_ns, mut worked_ns, mut longest_ns) = (now_ns(), 0, 0);
         for step in 1..=60 {

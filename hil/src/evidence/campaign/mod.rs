@@ -11,9 +11,9 @@ use std::sync::mpsc;
 
 use anyhow::Result;
 use hopbench::autopilot::Parameters;
-use hopbench::input::{Document, Fault, InputError, Invalid};
+use hopbench::input::{Diagnostic, Document, InputError, Invalid};
 use hopbench::scenario::{CampaignFile, Scenario};
-use hopbench::simulation::{Flight, Report, fly_out, outfit};
+use hopbench::simulation::{Flight, Report, data_sheet, fly_out};
 
 use crate::load::{self, Overrides, ScenarioTexts};
 use table::Row;
@@ -91,7 +91,7 @@ impl Campaign {
             let mut set = overrides.to_vec();
             set.extend(variant.set.iter().map(|(key, value)| format!("{key}={value}")));
             let of_variant = |mut error: InputError| {
-                if let Some(fault) = error.faults.first_mut()
+                if let Some(fault) = error.diagnostics.first_mut()
                     && !variant.set.is_empty()
                 {
                     let place = document.place_of(&["variant", &index.to_string()]);
@@ -107,7 +107,7 @@ impl Campaign {
                 let message = "a campaign judges landings: its scenario has no command schedule";
                 return Err(load::unusable(&scenario, message));
             }
-            let told = outfit::nominal(&nominal)
+            let told = data_sheet::nominal(&nominal)
                 .map_err(|fault| of_variant(load::contradiction(&scenario, fault)))?;
             configurations.push(Configuration { name: variant.name, nominal, told, texts, values });
         }
@@ -198,7 +198,7 @@ impl Campaign {
                 format!("{} = {}", entry.columns().join(", "), numbers.join(", "))
             })
             .collect();
-        error.faults.push(Fault {
+        error.diagnostics.push(Diagnostic {
             line: None,
             key: String::new(),
             message: format!("drawn for seed {seed}: {}", drawn.join("; ")),

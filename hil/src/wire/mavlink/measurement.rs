@@ -344,7 +344,7 @@ pub(super) fn centi_i16(value: f64) -> i16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mavlink::{Decoder, Encoder};
+    use crate::wire::mavlink::{Decoder, Encoder};
 
     fn full() -> Measurement {
         Measurement {
