@@ -16,7 +16,8 @@ pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
 
 /// Body FRD from structural components of a vector: a half turn about x. Its own inverse.
-pub fn frd_from_structural(v: Vec3) -> Vec3 {
+pub fn frd_from_structural(v: impl Into<Vec3>) -> Vec3 {
+    let v = v.into();
     Vec3::new(v.x, -v.y, -v.z)
 }
 

@@ -16,7 +16,7 @@ use crate::dynamics::mass_report::{MassReport, MassReportError};
 use crate::dynamics::slosh::{HardeningLaw, Slosh, SloshModel};
 use crate::environment::Site;
 use crate::fluid::{Nitrogen, Nitrous};
-use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural};
+use crate::frame::{Mat3, Vec3};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
     BottleModel, ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts,
@@ -467,26 +467,9 @@ impl Vehicle {
             )
         });
         let parts = file.component.iter().enumerate();
-        let mut components = parts
+        let components = parts
             .map(|(i, part)| part.component().map_err(|fault| fault.within(&format!("component.{i}"))))
             .collect::<Result<Vec<_>, _>>()?;
-        for component in &mut components {
-            to_frd(&mut component.position_m);
-            let inertia = Mat3::from_fn(|row, column| component.inertia_kg_m2[row][column]);
-            let inertia = inertia_frd_from_structural(inertia);
-            component.inertia_kg_m2 =
-                core::array::from_fn(|row| core::array::from_fn(|column| inertia[(row, column)]));
-        }
-        let mut sensors = file.sensors;
-        for vector in sensors.vectors_mut() {
-            to_frd(vector);
-        }
-        let mut rcs = file.rcs;
-        for thruster in &mut rcs.thruster {
-            to_frd(&mut thruster.position_m);
-            to_frd(&mut thruster.force_direction);
-        }
-
         let mass = MassModel::new(
             &components,
             TankGeometry { radius_m: tank.radius_m, length_m: tank.length_m, floor_z_m: tank.floor_z_m },
@@ -524,7 +507,7 @@ impl Vehicle {
             gimbal: file.gimbal,
             valve_delay_s: valve.delay_s,
             valve_encoder_rad: valve.encoder_resolution_rad,
-            reaction_control: rcs,
+            reaction_control: file.rcs,
             engine,
             engine_parameters: file.engine,
             tank: file.feed.tank,
@@ -541,7 +524,7 @@ impl Vehicle {
             landing_gear: file.landing_gear,
             hold_down: file.hold_down,
             site: file.site,
-            sensors,
+            sensors: file.sensors,
             mass,
             nitrous_density_kg_m3: nitrous.density_kg_m3,
             paper_mode: file.paper_mode,
@@ -693,8 +676,4 @@ impl Vehicle {
             valve_rad
         }
     }
-}
-
-fn to_frd(v: &mut [f64; 3]) {
-    *v = frd_from_structural(Vec3::from(*v)).into();
 }

@@ -15,7 +15,7 @@ use bare_engine::{AMBIENT_PA, at_flow, condition, engine, engine_of, vehicle};
 use hopbench::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
 use hopbench::dynamics::slosh::SloshModel;
 use hopbench::fluid::Nitrous;
-use hopbench::frame::Vec3;
+use hopbench::frame::{Vec3, inertia_frd_from_structural, structural_from_frd};
 use hopbench::propulsion::{CombustionMap, FeedMap, PairLevels, WarmStart};
 
 const G0: f64 = 9.80665;
@@ -313,8 +313,8 @@ fn slices_of_a_bar_have_its_mass_centre_and_inertia() {
     let part = |centre: Vec3, length: f64, mass: f64| Component {
         name: String::new(),
         mass_kg: mass,
-        position_m: centre.into(),
-        inertia_kg_m2: core::array::from_fn(|r| core::array::from_fn(|c| box_of(length, mass)[(r, c)])),
+        position_m: structural_from_frd(centre).into(),
+        inertia_kg_m2: inertia_frd_from_structural(box_of(length, mass)).into(),
         swings: false,
     };
     let n = f64::from(count);

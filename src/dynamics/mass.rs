@@ -10,7 +10,7 @@
 //! gimbal. Source: textbook solids; P and J from the momentum theorem for a body with steady internal
 //! flow (Thomson, Introduction to Space Dynamics, 1961, chapter 7).
 
-use crate::frame::{Mat3, Vec3, point_inertia};
+use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural, point_inertia};
 use core::f64::consts::PI;
 
 /// A dry part, one `[[component]]` of a vehicle file.
@@ -22,11 +22,10 @@ pub struct Component {
     /// Mass (kg).
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub mass_kg: f64,
-    /// Centre of mass from the gimbal pivot (m): structural in the file, body FRD once the vehicle is read.
+    /// Centre of mass from the gimbal pivot, structural frame (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// Inertia about the part's own centre of mass (kg m²), tensor convention, symmetric: structural
-    /// axes in the file, body FRD once the vehicle is read.
+    /// Inertia about the part's own centre of mass in structural axes (kg m²), tensor convention, symmetric.
     pub inertia_kg_m2: [[f64; 3]; 3],
     /// Whether the part turns with the gimbal.
     #[serde(default)]
@@ -34,10 +33,10 @@ pub struct Component {
 }
 
 impl Component {
-    /// The part alone, about O.
+    /// The part alone, about O in body FRD.
     pub fn properties(&self) -> MassProperties {
-        let position = Vec3::from(self.position_m);
-        let own = Mat3::from_fn(|row, column| self.inertia_kg_m2[row][column]);
+        let position = frd_from_structural(self.position_m);
+        let own = inertia_frd_from_structural(Mat3::from_fn(|row, column| self.inertia_kg_m2[row][column]));
         MassProperties {
             mass_kg: self.mass_kg,
             first_moment_kg_m: position * self.mass_kg,

@@ -2,7 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::{Demand, Plant};
+use super::Plant;
+use super::discrete_state::Demand;
+use super::sequence::Positions;
 use crate::actuator::ServoMemory;
 use crate::dynamics::landing_gear::Grip;
 use crate::frame::Vec3;
@@ -19,57 +21,77 @@ const SATURATION_MEMORY: SimTime = SimTime::from_us(1_000_000);
 impl Plant {
     /// Takes in a command: sequence, engine controller, delays, pulses.
     pub(super) fn latch_commands(&mut self, command: &ActuatorCommand) {
-        let now = self.time;
         let throttle_on = self.throttle_on(command);
-        let positions = self.sequence.obey(now, command, throttle_on);
-        let discrete = &mut self.discrete;
-        let step_s = self.step.s();
-        let isolation = self.vehicle.isolation_stroke();
-        discrete.isolation =
-            discrete.faults.isolation_after(isolation, discrete.isolation, positions.isolation_open, step_s);
-        let vented = if positions.vent_open { 1.0 } else { 0.0 };
-        discrete.vent = self.vehicle.vent_stroke().opening_after(discrete.vent, vented, step_s);
-        discrete.igniter = positions.igniter;
-        discrete.grip =
-            if discrete.grip == Grip::Held && !positions.released { Grip::Held } else { Grip::Free };
-
+        let positions = self.sequence.obey(self.time, command, throttle_on);
+        self.move_valves(&positions);
         self.control_engine(throttle_on, command.throttle);
-        let limit = self.vehicle.gimbal.limit_rad;
-        let gimbal = if command.armed {
-            [command.gimbal_x_rad, command.gimbal_y_rad].map(|angle| angle.clamp(-limit, limit))
-        } else {
-            [0.0; 2]
-        };
-        let roll = if command.armed { command.rcs_roll.clamp(-1.0, 1.0) } else { 0.0 };
 
-        let discrete = &mut self.discrete;
-        let valve_rad = discrete.demand.valve_rad;
+        let limit = self.vehicle.gimbal.limit_rad;
+        let (gimbal_rad, roll) = if command.armed {
+            let within = |angle: f64| angle.clamp(-limit, limit);
+            ([command.gimbal_x_rad, command.gimbal_y_rad].map(within), command.rcs_roll.clamp(-1.0, 1.0))
+        } else {
+            ([0.0; 2], 0.0)
+        };
+        self.command_valve(self.discrete.demand.valve_rad);
+        self.command_thrusters(roll);
+        self.command_gimbal(gimbal_rad);
+    }
+
+    /// Isolation and vent valves on their way, igniter, hold-down.
+    fn move_valves(&mut self, positions: &Positions) {
+        let (step_s, inputs) = (self.step.s(), &mut self.inputs);
+        let isolation = self.vehicle.isolation_stroke();
+        inputs.isolation =
+            inputs.faults.isolation_after(isolation, inputs.isolation, positions.isolation_open, step_s);
+        let vented = if positions.vent_open { 1.0 } else { 0.0 };
+        inputs.vent = self.vehicle.vent_stroke().opening_after(inputs.vent, vented, step_s);
+        if positions.released {
+            inputs.grip = Grip::Free;
+        }
+        self.discrete.igniter = positions.igniter;
+    }
+
+    fn command_valve(&mut self, valve_rad: f64) {
+        let inputs = &mut self.inputs;
         if self.options.ideal {
-            discrete.valve_command_rad = discrete.faults.valve_told_rad(valve_rad);
-            self.state.valve_rad =
-                discrete.faults.valve_servo.at_once(self.state.valve_rad, discrete.valve_command_rad);
-            discrete.valve_memory = ServoMemory::at(self.state.valve_rad);
-            let pairs = discrete.faults.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
+            inputs.valve_command_rad = inputs.faults.valve_told_rad(valve_rad);
+            let servo = &inputs.faults.valve_servo;
+            self.state.valve_rad = servo.at_once(self.state.valve_rad, inputs.valve_command_rad);
+            inputs.valve_memory = ServoMemory::at(self.state.valve_rad);
+        } else {
+            let delay = &mut self.discrete.valve_delay;
+            delay.push(self.time, valve_rad);
+            inputs.valve_command_rad = inputs.faults.valve_told_rad(delay.at(self.time));
+        }
+    }
+
+    fn command_thrusters(&mut self, roll: f64) {
+        let inputs = &mut self.inputs;
+        if self.options.ideal {
+            let pairs = inputs.faults.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
             self.state.rcs_level = Vec3::new(pairs.a, pairs.b, 0.0);
         } else {
-            discrete.valve_delay.push(now, valve_rad);
-            discrete.valve_command_rad = discrete.faults.valve_told_rad(discrete.valve_delay.at(now));
-            let opened =
-                self.vehicle.reaction_control.modulate(&mut discrete.modulator, roll, now, self.step);
-            discrete.rcs_open = discrete.faults.pairs_open(opened);
+            let modulator = &mut self.discrete.modulator;
+            let opened = self.vehicle.reaction_control.modulate(modulator, roll, self.time, self.step);
+            inputs.rcs_open = inputs.faults.pairs_open(opened);
         }
+    }
+
+    fn command_gimbal(&mut self, gimbal_rad: [f64; 2]) {
+        let inputs = &mut self.inputs;
         if self.options.ideal_gimbal {
-            let told = discrete.faults.gimbal_told_rad(gimbal);
-            discrete.gimbal_command_rad = Vector2::from(told);
-            for (axis, told_rad) in told.into_iter().enumerate() {
-                let servo = &discrete.faults.gimbal_servo[axis];
+            let told_rad = inputs.faults.gimbal_told_rad(gimbal_rad);
+            inputs.gimbal_command_rad = Vector2::from(told_rad);
+            for (axis, told_rad) in told_rad.into_iter().enumerate() {
+                let servo = &inputs.faults.gimbal_servo[axis];
                 self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told_rad);
-                discrete.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
+                inputs.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
             }
         } else {
-            discrete.gimbal_delay.push(now, gimbal);
-            discrete.gimbal_command_rad =
-                Vector2::from(discrete.faults.gimbal_told_rad(discrete.gimbal_delay.at(now)));
+            let delay = &mut self.discrete.gimbal_delay;
+            delay.push(self.time, gimbal_rad);
+            inputs.gimbal_command_rad = Vector2::from(inputs.faults.gimbal_told_rad(delay.at(self.time)));
         }
     }
 
@@ -95,7 +117,7 @@ impl Plant {
     }
 
     /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own engine, as a
-    /// well identified controller would, and nothing of what is faults in it.
+    /// well identified controller would, and nothing of what is broken in it.
     fn control_engine(&mut self, on: bool, throttle: Throttle) {
         let now = self.time;
         if !on {
@@ -124,7 +146,9 @@ impl Plant {
         let (valve_rad, thrust_n, saturated) = match throttle {
             Throttle::ThrustN(thrust_n) => {
                 let inverse = match &self.paper {
-                    None => engine.inverse(feed, thrust_n.max(least_n), &condition, self.discrete.guess),
+                    None => {
+                        engine.inverse(feed, thrust_n.max(least_n), &condition, self.discrete.warm_start.last)
+                    }
                     Some(paper) => paper.engine.inverse(engine, feed, thrust_n.max(least_n), &condition),
                 };
                 (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
@@ -133,16 +157,16 @@ impl Plant {
                 let valve_rad = valve_rad.min(self.vehicle.valve_servo.upper_rad);
                 let area_m2 = engine.valve_area().area_m2(valve_rad);
                 let point = match &self.paper {
-                    None => engine.operating_point(feed, area_m2, &condition, self.discrete.guess),
+                    None => engine.operating_point(feed, area_m2, &condition, self.discrete.warm_start.last),
                     Some(paper) => paper.engine.operating_point(engine, feed, area_m2, &condition),
                 };
                 // Thrust rises with the angle, so the minimum is solved for only where it is undercut.
                 if point.thrust_n < least_n {
-                    let discrete = match &self.paper {
-                        None => engine.inverse(feed, least_n, &condition, self.discrete.guess),
+                    let at_minimum = match &self.paper {
+                        None => engine.inverse(feed, least_n, &condition, self.discrete.warm_start.last),
                         Some(paper) => paper.engine.inverse(engine, feed, least_n, &condition),
                     };
-                    (discrete.valve_rad, least_n, discrete.saturated)
+                    (at_minimum.valve_rad, least_n, at_minimum.saturated)
                 } else {
                     (valve_rad, point.thrust_n, false)
                 }

@@ -4,17 +4,57 @@ use nalgebra::Vector2;
 
 use super::{Evaluation, Plant, Rate, State, motion};
 use crate::actuator::{ServoOutput, ServoState};
+use crate::disturbance::Effect;
 use crate::dynamics::Load;
-use crate::dynamics::landing_gear::Contact;
-use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, Outflow};
-use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
+use crate::dynamics::landing_gear::{Contact, Motion};
+use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, MassState, Outflow};
+use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
-use crate::frame::{Vec3, quaternion_rate};
+use crate::frame::{Mat3, Vec3, frd_from_structural, quaternion_rate};
 use crate::propulsion::{
     ChamberGas, ChamberModel, EngineCondition, Feed, GasIngestion, NitrogenState, OperatingPoint, Outlet,
-    Pair, PairLevels, Stores, Withdrawal,
+    Pair, PairLevels, Stores, StoresRate, ThrusterLoads, Withdrawal,
 };
 use crate::vehicle::GasSupply;
+
+/// Servos and thruster valves: where they are and how fast they move.
+struct Actuators {
+    valve: ServoOutput,
+    valve_rate: ServoState,
+    gimbal: GimbalMotion,
+    gimbal_rate: [Vector2<f64>; 2],
+    rcs_rate: Vec3,
+}
+
+/// Feed, combustion and pressurant.
+struct Supply {
+    engine: OperatingPoint,
+    /// Open area of the oxidiser valve (m²).
+    valve_area_m2: f64,
+    gas_supply: GasSupply,
+    thrusters: ThrusterLoads,
+    vent_kg_s: f64,
+    /// Liquid in the tank, and how fast it changes.
+    nitrous_kg: f64,
+    nitrous_kg_s: f64,
+    stores_rate: StoresRate,
+}
+
+/// Mass properties, couplings held still where the scenario holds them.
+struct Mass {
+    of: MassState,
+    flow: FlowTerms,
+    port_radius_m_s: f64,
+}
+
+/// What acts from outside, and where the vehicle meets it.
+struct Loads {
+    total: Load,
+    motion: Motion,
+    body_from_ned: Mat3,
+    wind_ned_m_s: Vec3,
+    contact: Contact,
+}
 
 /// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
 /// passes zero.
@@ -28,7 +68,7 @@ impl Plant {
         let tail_s = parameters.depletion.tail_time_constant_s;
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
-        let drain_s = if self.discrete.nitrous_depleted { tail_s } else { self.drain_s() };
+        let drain_s = if self.inputs.nitrous_depleted { tail_s } else { self.drain_s() };
         let two_phase = self.vehicle.uncovering.is_some();
         let (outlet, inert_share) = self.outlet(state);
         EngineCondition {
@@ -50,16 +90,19 @@ impl Plant {
                 state.nitrous_kg.max(0.0) / drain_s
             },
             outlet,
-            damage: self.discrete.faults.damage(),
+            damage: self.inputs.faults.damage(),
         }
     }
 
     /// Share of the oxidiser that burns: the flame's, as far as fuel is left.
     #[inline]
     pub(super) fn burning_share(&self, state: &State) -> f64 {
-        let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        let (fuel_kg, full_kg) = (self.usable_fuel_kg(state), tail_s * self.discrete.full_fuel_kg_s);
-        if fuel_kg < full_kg { state.burning_fraction.min(fuel_kg / full_kg) } else { state.burning_fraction }
+        let (fuel_kg, fading_kg) = (self.usable_fuel_kg(state), self.inputs.fading_fuel_kg);
+        if fuel_kg < fading_kg {
+            state.burning_fraction.min(fuel_kg / fading_kg)
+        } else {
+            state.burning_fraction
+        }
     }
 
     /// What an uncovered outlet draws, and the share of nitrogen in it.
@@ -87,7 +130,7 @@ impl Plant {
             gas_kg_m3: view.ullage_density_kg_m3(),
         };
         // The inlet pressure of the last solution: it moves by some thousandths in a step.
-        let solved_pa = self.discrete.guess.injector_inlet_pa;
+        let solved_pa = self.discrete.warm_start.last.injector_inlet_pa;
         let inlet_pa = if solved_pa > 0.0 { solved_pa } else { outlet.gas_pa };
         let inlet = self.discrete.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
         let gas_share = outlet.gas_mass_share(inlet_pa, inlet.state.density_kg_m3);
@@ -99,35 +142,57 @@ impl Plant {
         self.evaluate_inline(state, share)
     }
 
-    /// The same for the steps themselves, which compute nothing of it that they do not use.
+    /// The same for the steps themselves, which compute nothing of it that they do not use: the block diagram.
     #[inline(always)]
     pub(super) fn evaluate_inline(&self, state: &State, share: f64) -> Evaluation {
-        let (vehicle, discrete) = (&self.vehicle, &self.discrete);
+        let actuators = self.actuators(state);
+        let supply = self.supply(state, share, &actuators);
+        let mass = self.mass(state, &supply);
+        let loads = self.loads(state, share, &actuators, &supply);
+        let acceleration = self.balance(state, &actuators, &supply, &mass, &loads);
+        Evaluation {
+            rate: self.state_rate(state, &actuators, &supply, &mass, &loads, &acceleration),
+            engine: supply.engine,
+            valve_rad: actuators.valve.angle_rad,
+            valve_area_m2: supply.valve_area_m2,
+            gimbal_rad: actuators.gimbal.angle_rad,
+            pressurant: *supply.gas_supply.nitrogen(),
+            mass: mass.of.vehicle,
+            acceleration,
+            contact: loads.contact,
+            wind_ned_m_s: loads.wind_ned_m_s,
+            motion: loads.motion,
+        }
+    }
 
-        // Actuators.
+    /// Servos and thruster valves.
+    #[inline(always)]
+    fn actuators(&self, state: &State) -> Actuators {
         let (valve, valve_rate) = self.valve(state);
         let (gimbal, gimbal_rate) = self.gimbal(state);
-        let rcs_rate = self.rcs_rate(state);
+        Actuators { valve, valve_rate, gimbal, gimbal_rate, rcs_rate: self.rcs_rate(state) }
+    }
 
-        // Feed and combustion.
-        let valve_area_m2 = self.valve_area_m2(valve.angle_rad);
-        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, discrete.isolation);
+    /// Feed, combustion and pressurant: what leaves each store, and the thrust that it makes.
+    #[inline(always)]
+    fn supply(&self, state: &State, share: f64, actuators: &Actuators) -> Supply {
+        let vehicle = &self.vehicle;
         let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let mut supply = vehicle.gas_supply(&self.stores(state), ambient_pa);
-        let feed = discrete.feed.at(supply.nitrogen().tank_pa, supply.nitrogen().liquid_k);
+        let valve_area_m2 = self.valve_area_m2(actuators.valve.angle_rad);
+        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, self.inputs.isolation);
+        let mut gas_supply = vehicle.gas_supply(&self.stores(state), ambient_pa);
+        let feed = self.discrete.feed.at(gas_supply.nitrogen().tank_pa, gas_supply.nitrogen().liquid_k);
         let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, share);
+
         // Within a step the tank still holds what the manifold has taken up since it began.
         let nitrous_kg = state.nitrous_kg - stored_kg;
-
-        // Pressurant.
         let stores = Stores { nitrous_kg, ..self.stores(state) };
         if stored_kg != 0.0 {
-            supply = vehicle.gas_supply(&stores, ambient_pa);
+            gas_supply = vehicle.gas_supply(&stores, ambient_pa);
         }
-        let pressurant = *supply.nitrogen();
-        let mut thrusters = vehicle.reaction_control.loads(&levels(state), pressurant.bottle_pa);
-        let mut vent_kg_s = vehicle.vent_kg_s(&supply, discrete.vent, ambient_pa);
-        let [left, vented] = supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
+        let mut thrusters = vehicle.reaction_control.loads(&levels(state), gas_supply.nitrogen().bottle_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&gas_supply, self.inputs.vent, ambient_pa);
+        let [left, vented] = gas_supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
         if left < 1.0 {
             thrusters.force_body_n *= left;
             thrusters.moment_body_n_m *= left;
@@ -137,109 +202,151 @@ impl Plant {
             vent_kg_s *= vented;
         }
         let liquid_kg_s = engine.tank_kg_s - engine.outlet_gas_kg_s;
-        let gas = vehicle.gas_rate(
-            &stores,
-            &supply,
-            &Withdrawal {
-                liquid_kg_s,
-                gas_kg_s: vent_kg_s + engine.outlet_gas_kg_s,
-                thrusters_kg_s: thrusters.nitrogen_kg_s,
-            },
-        );
-        let nitrous_kg_s = -(liquid_kg_s + gas.evaporation_kg_s);
+        let out = Withdrawal {
+            liquid_kg_s,
+            gas_kg_s: vent_kg_s + engine.outlet_gas_kg_s,
+            thrusters_kg_s: thrusters.nitrogen_kg_s,
+        };
+        let stores_rate = vehicle.gas_rate(&stores, &gas_supply, &out);
+        Supply {
+            engine,
+            valve_area_m2,
+            gas_supply,
+            thrusters,
+            vent_kg_s,
+            nitrous_kg,
+            nitrous_kg_s: -(liquid_kg_s + stores_rate.evaporation_kg_s),
+            stores_rate,
+        }
+    }
 
-        // Mass.
+    /// Mass properties of what is on board, how fast they change, and what moving contents add to the balance of momentum.
+    #[inline(always)]
+    fn mass(&self, state: &State, supply: &Supply) -> Mass {
+        let Supply { engine, nitrous_kg, stores_rate, .. } = supply;
         let port_radius_m_s = match self.frozen.port_radius_m {
             None => engine.regression_rate_m_s,
             // The real port goes on giving the fuel that burns.
             Some(_) => {
-                let grain = &vehicle.engine_parameters.grain;
+                let grain = &self.vehicle.engine_parameters.grain;
                 engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
             }
         };
-        let (contents, run_tank_kg_s) = self.contents(state, nitrous_kg, &pressurant, gas.run_tank_kg_s);
-        let mut mass = vehicle.mass.evaluate(
+        let (contents, run_tank_kg_s) =
+            self.contents(state, *nitrous_kg, supply.gas_supply.nitrogen(), stores_rate.run_tank_kg_s);
+        let mut of = self.vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
-                nitrous_kg_s,
+                nitrous_kg_s: supply.nitrous_kg_s,
                 port_radius_m_s,
                 nitrogen_run_tank_kg_s: run_tank_kg_s,
-                nitrogen_bottle_kg_s: gas.total_kg_s - run_tank_kg_s,
+                nitrogen_bottle_kg_s: stores_rate.total_kg_s - run_tank_kg_s,
             },
         );
-        // The gas in manifold and chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
-        // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
-        let burnt_kg_s = engine.tank_kg_s + engine.fuel_kg_s;
-        self.frozen.hold(&mut mass);
+        self.frozen.hold(&mut of);
         // The paper's rigid body has neither jet damping nor a moving centre of mass.
-        let flow = if self.paper.is_some() {
-            FlowTerms::none()
-        } else {
-            self.flow_terms(state, &mass.rate, burnt_kg_s, vent_kg_s, thrusters.nitrogen_kg_s)
-        };
+        let flow =
+            if self.paper.is_some() { FlowTerms::none() } else { self.flow_terms(state, &of.rate, supply) };
+        Mass { of, flow, port_radius_m_s }
+    }
 
-        // Loads.
+    /// Forces and moments from outside: thrust, thrusters, drag, legs, disturbances.
+    #[inline(always)]
+    fn loads(&self, state: &State, share: f64, actuators: &Actuators, supply: &Supply) -> Loads {
+        let (vehicle, inputs, atmosphere) = (&self.vehicle, &self.inputs, &self.environment.atmosphere);
         let motion = motion(state);
         let body_from_ned = motion.ned_from_body.transpose();
         let wind_ned_m_s =
             self.environment.wind.velocity_ned_m_s(self.mission_s_at(share), -state.position_ned_m.z);
-        let airspeed_body = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
-        let drag = vehicle.aero.drag(
-            self.environment.atmosphere.density_kg_m3,
-            airspeed_body,
-            state.rate_body_rad_s,
-        );
+        let airspeed_body_m_s = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
+        let drag = vehicle.aero.drag(atmosphere.density_kg_m3, airspeed_body_m_s, state.rate_body_rad_s);
         let contact = if self.options.ground {
-            vehicle.landing_gear.contact(&self.pads_body_m, &motion, 0.0, &discrete.anchors, discrete.grip)
+            vehicle.landing_gear.contact(&self.pads_body_m, &motion, 0.0, &inputs.anchors, inputs.grip)
         } else {
             Contact::NONE
         };
-        let disturbed = &discrete.disturbed;
+        let Effect { misalignment_rad, thrust_offset_m: [offset_x, offset_y], .. } = inputs.disturbance;
         let thrust_line =
-            rigid_body::thrust_direction_body(gimbal.angle_rad + Vector2::from(disturbed.misalignment_rad));
-        let [offset_x, offset_y] = disturbed.thrust_offset_m;
-        let thrust = Load::at(Vec3::new(offset_x, offset_y, 0.0), thrust_line * engine.thrust_n);
-        let load = thrust
-            + Load { force_body_n: disturbed.force_body_n, moment_body_n_m: disturbed.moment_body_n_m }
-            + Load { force_body_n: thrusters.force_body_n, moment_body_n_m: thrusters.moment_body_n_m }
-            + drag
-            + contact.load;
-
-        // Slosh, and the balance of momentum.
-        // A stand carries what the other forces leave: the liquid feels gravity alone.
-        let gravity_ned = self.environment.gravity.acceleration_ned_m_s2();
-        let axial_m_s2 = if self.options.clamped {
-            (body_from_ned * gravity_ned).z
-        } else {
-            -load.force_body_n.z / mass.vehicle.mass_kg
+            rigid_body::thrust_direction_body(actuators.gimbal.angle_rad + Vector2::from(misalignment_rad));
+        let thrust = Load::at(Vec3::new(offset_x, offset_y, 0.0), thrust_line * supply.engine.thrust_n);
+        let disturbance = Load {
+            force_body_n: inputs.disturbance.force_body_n,
+            moment_body_n_m: inputs.disturbance.moment_body_n_m,
         };
-        let modes =
-            vehicle.slosh.modes(vehicle.mass.tank(), nitrous_kg, vehicle.nitrous_density_kg_m3, axial_m_s2);
+        let thrusters = Load {
+            force_body_n: supply.thrusters.force_body_n,
+            moment_body_n_m: supply.thrusters.moment_body_n_m,
+        };
+        Loads {
+            total: thrust + disturbance + thrusters + drag + contact.load,
+            motion,
+            body_from_ned,
+            wind_ned_m_s,
+            contact,
+        }
+    }
+
+    /// The balance of momentum of vehicle, liquid and swinging engine.
+    #[inline(always)]
+    fn balance(
+        &self,
+        state: &State,
+        actuators: &Actuators,
+        supply: &Supply,
+        mass: &Mass,
+        loads: &Loads,
+    ) -> Acceleration {
+        let vehicle = &self.vehicle;
+        let gravity_body_m_s2 = || loads.body_from_ned * self.environment.gravity.acceleration_ned_m_s2();
+        // A stand carries what the other forces leave: the liquid feels gravity alone.
+        let axial_m_s2 = if self.options.clamped {
+            gravity_body_m_s2().z
+        } else {
+            -loads.total.force_body_n.z / mass.of.vehicle.mass_kg
+        };
+        let (tank, density_kg_m3) = (vehicle.mass.tank(), vehicle.nitrous_density_kg_m3);
+        let modes = vehicle.slosh.modes(tank, supply.nitrous_kg, density_kg_m3, axial_m_s2);
         let slosh_states = slosh_states(state);
         let sloshing = |n: usize| modes[n].as_ref().map(|mode| (mode, &slosh_states[n]));
+        let swing = Swing { part: &mass.of.swinging, gimbal: actuators.gimbal };
         let balance = Balance {
-            vehicle: &mass.vehicle,
-            flow: &flow,
+            vehicle: &mass.of.vehicle,
+            flow: &mass.flow,
             rate_body_rad_s: state.rate_body_rad_s,
-            load,
+            load: loads.total,
             slosh: [sloshing(0), sloshing(1)],
-            swing: vehicle.gimbal.engine_inertia.then_some(Swing { part: &mass.swinging, gimbal }),
+            swing: vehicle.gimbal.engine_inertia.then_some(swing),
         };
-        let acceleration = if self.options.clamped {
-            rigid_body::clamped(&balance, body_from_ned * gravity_ned).0
+        if self.options.clamped {
+            rigid_body::clamped(&balance, gravity_body_m_s2()).0
         } else {
             rigid_body::accelerations(&balance)
-        };
+        }
+    }
 
-        let imu = Vec3::from(vehicle.sensors.imu.position_m);
+    /// How fast each field of the state changes: the list.
+    #[inline(always)]
+    fn state_rate(
+        &self,
+        state: &State,
+        actuators: &Actuators,
+        supply: &Supply,
+        mass: &Mass,
+        loads: &Loads,
+        acceleration: &Acceleration,
+    ) -> Rate {
+        let engine = &supply.engine;
+        let parameters = &self.vehicle.engine_parameters;
+        let imu_body_m = frd_from_structural(self.vehicle.sensors.imu.position_m);
+        let gravity_ned_m_s2 = self.environment.gravity.acceleration_ned_m_s2();
         let lateral = |v: Vector2<f64>| Vec3::new(v.x, v.y, 0.0);
-        let fixed = self.options.clamped;
-        let rate = Rate {
-            position_ned_m: if fixed { Vec3::zeros() } else { state.velocity_ned_m_s },
-            velocity_ned_m_s: if fixed {
+        let clamped = self.options.clamped;
+        Rate {
+            position_ned_m: if clamped { Vec3::zeros() } else { state.velocity_ned_m_s },
+            velocity_ned_m_s: if clamped {
                 Vec3::zeros()
             } else {
-                motion.ned_from_body * acceleration.specific_force_body_m_s2 + gravity_ned
+                loads.motion.ned_from_body * acceleration.specific_force_body_m_s2 + gravity_ned_m_s2
             },
             q_ned_from_body: quaternion_rate(&state.q_ned_from_body, state.rate_body_rad_s),
             rate_body_rad_s: acceleration.angular_body_rad_s2,
@@ -248,49 +355,35 @@ impl Plant {
             second_slosh_m: state.second_slosh_m_s,
             second_slosh_m_s: lateral(acceleration.slosh_body_m_s2[1]),
             // What the manifold takes up leaves the tank when the step ends.
-            nitrous_kg: nitrous_kg_s + (engine.tank_kg_s - engine.oxidizer_kg_s),
-            nitrogen_kg: gas.nitrogen_kg_s,
-            gas: gas.gas,
-            port_radius_m: port_radius_m_s,
+            nitrous_kg: supply.nitrous_kg_s + (engine.tank_kg_s - engine.oxidizer_kg_s),
+            nitrogen_kg: supply.stores_rate.nitrogen_kg_s,
+            gas: supply.stores_rate.gas,
+            port_radius_m: mass.port_radius_m_s,
             throat_radius_m: if self.frozen.throat { 0.0 } else { engine.throat_erosion_m_s },
             chamber_oxidizer_kg: engine.chamber_gas_rate.oxidizer_kg_s,
             chamber_fuel_kg: engine.chamber_gas_rate.fuel_kg_s,
             manifold_kg: 0.0,
             line_kg_s: 0.0,
-            fuel_flow_kg_s: vehicle
-                .engine_parameters
+            fuel_flow_kg_s: parameters
                 .grain
                 .fuel_flow_rate_kg_s2(state.fuel_flow_kg_s, engine.steady_fuel_kg_s),
-            burning_fraction: vehicle.engine_parameters.ignition.burning_rate_1_s(
+            burning_fraction: parameters.ignition.burning_rate_1_s(
                 state.burning_fraction,
-                discrete.flame.lit,
-                &vehicle.engine_parameters.depletion,
+                self.inputs.flame.lit,
+                &parameters.depletion,
             ),
-            valve_rad: valve_rate.angle_rad,
-            valve_rad_s: valve_rate.rate_rad_s,
-            gimbal_rad: lateral(gimbal_rate[0]),
-            gimbal_rad_s: lateral(gimbal_rate[1]),
-            rcs_level: rcs_rate,
+            valve_rad: actuators.valve_rate.angle_rad,
+            valve_rad_s: actuators.valve_rate.rate_rad_s,
+            gimbal_rad: lateral(actuators.gimbal_rate[0]),
+            gimbal_rad_s: lateral(actuators.gimbal_rate[1]),
+            rcs_level: actuators.rcs_rate,
             expelled_nozzle_kg: engine.nozzle_kg_s,
-            expelled_rcs_kg: thrusters.nitrogen_kg_s,
-            expelled_vent_kg: vent_kg_s,
-            vented_vapor_kg: supply.vapor_share() * vent_kg_s,
+            expelled_rcs_kg: supply.thrusters.nitrogen_kg_s,
+            expelled_vent_kg: supply.vent_kg_s,
+            vented_vapor_kg: supply.gas_supply.vapor_share() * supply.vent_kg_s,
             burnt_kg: engine.fuel_kg_s,
-            imu_velocity_body_m_s: acceleration.specific_force_at(imu, state.rate_body_rad_s),
+            imu_velocity_body_m_s: acceleration.specific_force_at(imu_body_m, state.rate_body_rad_s),
             imu_angle_body_rad: state.rate_body_rad_s,
-        };
-        Evaluation {
-            rate,
-            engine,
-            valve_rad: valve.angle_rad,
-            valve_area_m2,
-            gimbal_rad: gimbal.angle_rad,
-            pressurant,
-            mass: mass.vehicle,
-            acceleration,
-            contact,
-            wind_ned_m_s,
-            motion,
         }
     }
 
@@ -318,14 +411,7 @@ impl Plant {
 
     /// What moving contents and outflows add to the balance of momentum.
     #[inline]
-    fn flow_terms(
-        &self,
-        state: &State,
-        rate: &MassRate,
-        nozzle_kg_s: f64,
-        vent_kg_s: f64,
-        thrusters_kg_s: f64,
-    ) -> FlowTerms {
+    fn flow_terms(&self, state: &State, rate: &MassRate, supply: &Supply) -> FlowTerms {
         let rcs = &self.vehicle.reaction_control;
         let levels = levels(state);
         let level = |pair: Pair| match pair {
@@ -333,16 +419,20 @@ impl Plant {
             Pair::B => levels.b,
         };
         let outflow = |position_body_m, mass_flow_kg_s| Outflow { position_body_m, mass_flow_kg_s };
+        // The gas in manifold and chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
+        // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
+        let burnt_kg_s = supply.engine.tank_kg_s + supply.engine.fuel_kg_s;
         let mut terms = FlowTerms::new(
             rate,
-            &[outflow(self.outlets.nozzle, nozzle_kg_s), outflow(self.outlets.vent, vent_kg_s)],
+            &[outflow(self.outlets.nozzle, burnt_kg_s), outflow(self.outlets.vent, supply.vent_kg_s)],
         );
+        let thrusters_kg_s = supply.thrusters.nitrogen_kg_s;
         if thrusters_kg_s > 0.0 {
             // All thrusters are alike, so each has its share of the flow by its level.
             let sum: f64 = rcs.thruster.iter().map(|thruster| level(thruster.pair)).sum();
             for thruster in &rcs.thruster {
                 let share = level(thruster.pair) / sum;
-                terms.add(&outflow(Vec3::from(thruster.position_m), share * thrusters_kg_s));
+                terms.add(&outflow(frd_from_structural(thruster.position_m), share * thrusters_kg_s));
             }
         }
         terms
@@ -362,19 +452,19 @@ impl Plant {
         let (mut point, stored_kg) = match &self.paper {
             None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, share),
             None => {
-                let guess = self.discrete.warm_start_at(share);
+                let guess = self.discrete.warm_start.at(share);
                 (engine.operating_point_inline(feed, valve_area_m2, &self.condition(state), guess), 0.0)
             }
             Some(paper) => match paper.point {
-                Some(discrete) => return (discrete, 0.0),
+                Some(held) => return (held, 0.0),
                 None => {
                     (paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)), 0.0)
                 }
             },
         };
-        let surge = &self.discrete.faults.surge;
+        let surge = &self.inputs.faults.surge;
         point.chamber_pa += surge.chamber_pa;
-        point.thrust_n = self.discrete.disturbed.thrust_n(point.thrust_n + surge.thrust_n());
+        point.thrust_n = self.inputs.disturbance.thrust_n(point.thrust_n + surge.thrust_n());
         (point, stored_kg)
     }
 
@@ -388,7 +478,7 @@ impl Plant {
         if self.options.ideal {
             return Vec3::zeros();
         }
-        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.discrete.rcs_open);
+        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.inputs.rcs_open);
         Vec3::new(rate.a, rate.b, 0.0)
     }
 
@@ -398,10 +488,10 @@ impl Plant {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
             return (output, ServoState::default());
         }
-        let servo = &self.discrete.faults.valve_servo;
+        let servo = &self.inputs.faults.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
-        let memory = &self.discrete.valve_memory;
-        let rate = servo.rate(&at, self.discrete.valve_command_rad, memory);
+        let memory = &self.inputs.valve_memory;
+        let rate = servo.rate(&at, self.inputs.valve_command_rad, memory);
         let output = servo.output(&at, &rate, memory);
         (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
     }
@@ -413,10 +503,10 @@ impl Plant {
             return (motion, [Vector2::zeros(); 2]);
         }
         let axis = |axis: usize| {
-            let servo = &self.discrete.faults.gimbal_servo[axis];
+            let servo = &self.inputs.faults.gimbal_servo[axis];
             let at = ServoState { angle_rad: state.gimbal_rad[axis], rate_rad_s: state.gimbal_rad_s[axis] };
-            let memory = &self.discrete.gimbal_memory[axis];
-            let rate = servo.rate(&at, self.discrete.gimbal_command_rad[axis], memory);
+            let memory = &self.inputs.gimbal_memory[axis];
+            let rate = servo.rate(&at, self.inputs.gimbal_command_rad[axis], memory);
             (servo.output(&at, &rate, memory), rate)
         };
         let ((x, x_rate), (y, y_rate)) = (axis(0), axis(1));

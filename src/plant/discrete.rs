@@ -1,6 +1,6 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{CachedRate, Evaluation, Plant, PlantEvent, State};
+use super::{Evaluation, Plant, PlantEvent, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
 use crate::fluid::Nitrous;
@@ -23,7 +23,7 @@ impl Plant {
         let state = &self.state;
         self.environment.wind.advance(dt_s, -state.position_ned_m.z, state.velocity_ned_m_s);
         let (time, mission_s, events) = (self.time, self.mission_s(), &mut self.events);
-        self.discrete.disturbed = self.disturbances.advance(dt_s, mission_s, |name, begins| {
+        self.inputs.disturbance = self.disturbances.advance(dt_s, mission_s, |name, begins| {
             let detail = format!("{name} {}", if begins { "begins" } else { "ends" });
             events.push(PlantEvent { time, name: "disturbance", detail: detail.trim_start().to_owned() });
         });
@@ -34,21 +34,15 @@ impl Plant {
         // Play and friction: before the evaluation, which begins the next step.
         let state = &self.state;
         if state.valve_rad > 0.0 {
-            self.discrete.valve_memory =
-                self.discrete.faults.valve_servo.memory_after(state.valve_rad, &self.discrete.valve_memory);
+            self.inputs.valve_memory =
+                self.inputs.faults.valve_servo.memory_after(state.valve_rad, &self.inputs.valve_memory);
         }
         self.take_up_gimbal();
 
         let now = self.evaluate_inline(&self.state, 0.0);
-        let inputs = self.inputs(&self.state);
-        let guess = (self.discrete.guess, self.discrete.trend_pa);
-        match &mut self.settled {
-            // In place: a rate is large.
-            Some(settled) => (settled.inputs, settled.rate, settled.guess) = (inputs, now.rate, guess),
-            None => self.settled = Some(CachedRate { inputs, rate: now.rate, guess }),
-        }
+        self.cache_rate(&now.rate);
         self.snapshot = self.snapshot_of(&now);
-        self.discrete.update_warm_start(now.engine.guess);
+        self.discrete.warm_start.update(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
             self.discrete.singular = true;
             self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
@@ -64,49 +58,47 @@ impl Plant {
         self.state.fuel_flow_kg_s = self.state.fuel_flow_kg_s.max(0.0);
 
         // A thruster that has died away is off; its first-order decay would never end.
-        for (axis, open) in [(0, self.discrete.rcs_open.a), (1, self.discrete.rcs_open.b)] {
+        for (axis, open) in [(0, self.inputs.rcs_open.a), (1, self.inputs.rcs_open.b)] {
             if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF {
                 self.state.rcs_level[axis] = 0.0;
             }
         }
 
         // A ball that is told to shut seats; a servo alone would only ever come near.
-        if self.discrete.valve_command_rad <= 0.0
-            && self.discrete.faults.valve_servo.drive_share > 0.0
+        if self.inputs.valve_command_rad <= 0.0
+            && self.inputs.faults.valve_servo.drive_share > 0.0
             && self.state.valve_rad.abs() < SEATED_RAD
             && self.state.valve_rad_s.abs() < SEATED_RAD_S
         {
             self.state.valve_rad = 0.0;
             self.state.valve_rad_s = 0.0;
-            self.discrete.valve_memory = ServoMemory::default();
+            self.inputs.valve_memory = ServoMemory::default();
         }
 
-        self.finish_faults(&now);
+        self.advance_faults(&now);
         self.advance_flame(&now);
 
         // Depletion.
-        if !self.discrete.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
-            self.discrete.nitrous_depleted = true;
+        if !self.inputs.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
+            self.inputs.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
         self.watch_the_tank(&now.pressurant);
         let asked = self.discrete.demand.valve_rad > 0.0;
-        let flows = self.discrete.isolation > 0.0 && (asked || self.flows_unasked(&now));
+        let flows = self.inputs.isolation > 0.0 && (asked || self.flows_unasked(&now));
         // A map costs some steps' time, so it waits until something flows.
         if flows {
-            self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k);
+            if self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k) {
+                self.cached_rate = None;
+            }
         }
 
         // Feet.
         if self.options.ground {
-            let (gear, discrete) = (&self.vehicle.landing_gear, &self.discrete);
-            if !gear.clear_of_ground(&now.motion, 0.0) || discrete.anchors.count() > 0 {
-                let anchors =
-                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &discrete.anchors, discrete.grip);
-                if anchors != discrete.anchors {
-                    self.settled = None;
-                    self.discrete.anchors = anchors;
-                }
+            let (gear, inputs) = (&self.vehicle.landing_gear, &mut self.inputs);
+            if !gear.clear_of_ground(&now.motion, 0.0) || inputs.anchors.count() > 0 {
+                inputs.anchors =
+                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &inputs.anchors, inputs.grip);
             }
         }
     }
@@ -142,29 +134,29 @@ impl Plant {
         if now.engine.steady_fuel_kg_s > 0.0 && burning > 0.0 {
             self.discrete.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
         }
+        let (usable_kg, tail_kg) = (self.usable_fuel_kg(&self.state), tail_s * self.discrete.full_fuel_kg_s);
+        // No step burns as much as the tail does.
+        self.inputs.fading_fuel_kg = if usable_kg < 2.0 * tail_kg { tail_kg } else { 0.0 };
         let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
-        if !self.discrete.burnt_through
-            && self.discrete.full_fuel_kg_s > 0.0
-            && self.usable_fuel_kg(&self.state) < tail_s * self.discrete.full_fuel_kg_s
-        {
+        if !self.discrete.burnt_through && self.discrete.full_fuel_kg_s > 0.0 && usable_kg < tail_kg {
             self.discrete.burnt_through = true;
             self.note("fuel_burn_through", chamber());
         }
         let flame = self.vehicle.engine_parameters.ignition.advance(
-            &self.discrete.flame,
+            &self.inputs.flame,
             &FlameConditions {
                 time: self.time,
-                igniter: self.discrete.igniter && !self.discrete.faults.effect.igniter_dead,
+                igniter: self.discrete.igniter && !self.inputs.faults.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
-                fuel_left: !self.discrete.burnt_through || (self.discrete.flame.lit && burning > FLICKER),
-                late_s: self.discrete.faults.effect.light_delay_s,
+                fuel_left: !self.discrete.burnt_through || (self.inputs.flame.lit && burning > FLICKER),
+                late_s: self.inputs.faults.effect.light_delay_s,
             },
         );
-        match (self.discrete.flame.lit, flame.lit) {
+        match (self.inputs.flame.lit, flame.lit) {
             (false, true) => {
-                self.discrete.ignition.get_or_insert(self.time);
+                self.inputs.ignition.get_or_insert(self.time);
                 self.light_pool(now);
                 self.note("ignition", chamber());
             }
@@ -175,7 +167,7 @@ impl Plant {
             }
             _ => {}
         }
-        self.discrete.flame = flame;
+        self.inputs.flame = flame;
     }
 
     /// Fuel that can still burn: ports that meet leave slivers (kg).

@@ -1,4 +1,4 @@
-//! What is faults in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame and engine.
+//! What is broken in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame and engine.
 //!
 //! Everything here changes between steps. The engine controller goes on with the sound engine ([`super::command`]): a
 //! valve that is off or a chamber that burns badly is seen as thrust that is not what was asked for. It reads the
@@ -16,8 +16,8 @@ use crate::fault::plant::{ServoEffect, ThrusterEffect};
 use crate::propulsion::{Damage, PairLevels, Stores, Surge};
 use crate::vehicle::GasModel;
 
-/// Faults that act, and what they have left behind.
-#[derive(Clone, Copy, Debug)]
+/// Faults that act, as the rate of the state feels them.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FaultState {
     pub(super) effect: PlantEffect,
     /// The servos as they are now.
@@ -25,11 +25,16 @@ pub(super) struct FaultState {
     pub(super) gimbal_servo: [Servo; 2],
     /// Outlet of the regulator below its set pressure (Pa).
     pub(super) sag_pa: f64,
-    /// Gas above the liquid when that was last settled (kg).
+    pub(super) surge: Surge,
+}
+
+/// What faults leave behind from step to step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FaultMemory {
+    /// Gas above the liquid that a regulator has let in (kg).
     shut_in_kg: f64,
     /// Oxidiser that waits in the cold chamber for a flame (kg).
     pool_kg: f64,
-    pub(super) surge: Surge,
 }
 
 impl FaultState {
@@ -40,8 +45,6 @@ impl FaultState {
             valve_servo,
             gimbal_servo: [gimbal_servo; 2],
             sag_pa: 0.0,
-            shut_in_kg: 0.0,
-            pool_kg: 0.0,
             surge: Surge::NONE,
         }
     }
@@ -106,13 +109,13 @@ fn with_fault(sound: &Servo, effect: &ServoEffect) -> Servo {
 }
 
 impl Plant {
-    /// What is faults from now on, in place of what was.
+    /// Replaces what is broken.
     pub fn set_faults(&mut self, effect: &PlantEffect) {
-        if self.discrete.faults.effect == *effect {
+        if self.inputs.faults.effect == *effect {
             return;
         }
         let before = self.gimbal(&self.state).0;
-        let faults = &mut self.discrete.faults;
+        let faults = &mut self.inputs.faults;
         faults.effect = *effect;
         faults.valve_servo = with_fault(&self.vehicle.valve_servo, &effect.valve);
         for (servo, effect) in faults.gimbal_servo.iter_mut().zip(&effect.gimbal) {
@@ -120,7 +123,6 @@ impl Plant {
         }
         // Play that comes or goes lets the engine loose or takes it along.
         self.jolt_from(before);
-        self.settled = None;
     }
 
     /// Open area of the oxidiser valve, with what leaks past its ball (m²).
@@ -128,7 +130,7 @@ impl Plant {
     pub(super) fn valve_area_m2(&self, valve_rad: f64) -> f64 {
         let valve = self.vehicle.engine.valve_area();
         let area_m2 = valve.area_m2(valve_rad);
-        let leak_share = self.discrete.faults.effect.valve_leak_share;
+        let leak_share = self.inputs.faults.effect.valve_leak_share;
         if leak_share <= 0.0 {
             return area_m2;
         }
@@ -144,32 +146,33 @@ impl Plant {
             nitrogen_kg: state.nitrogen_kg,
             nitrous_kg: state.nitrous_kg,
             gas: state.gas,
-            regulator_sag_pa: self.discrete.faults.sag_pa,
+            regulator_sag_pa: self.inputs.faults.sag_pa,
         }
     }
 
     /// Whether oxidiser flows through a valve that should be shut.
     pub(super) fn flows_unasked(&self, now: &Evaluation) -> bool {
-        self.discrete.faults.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
+        self.inputs.faults.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
     }
 
     /// Regulator, pool and surge a step later.
-    pub(super) fn finish_faults(&mut self, now: &Evaluation) {
-        self.settle_regulator(now);
+    pub(super) fn advance_faults(&mut self, now: &Evaluation) {
+        self.advance_regulator(now);
         let step_s = self.step.s();
-        let faults = &mut self.discrete.faults;
+        let faults = &mut self.inputs.faults;
         faults.surge = faults.surge.after(step_s);
         let pooling_kg_s = faults.effect.hard_start * now.engine.oxidizer_kg_s;
         // Without flow the pool boils off, beside a flame there is none.
-        let pools = pooling_kg_s > 0.0 && !self.discrete.flame.lit;
-        faults.pool_kg = if pools { faults.pool_kg + pooling_kg_s * step_s } else { 0.0 };
+        let pools = pooling_kg_s > 0.0 && !self.inputs.flame.lit;
+        let pool_kg = &mut self.discrete.fault_memory.pool_kg;
+        *pool_kg = if pools { *pool_kg + pooling_kg_s * step_s } else { 0.0 };
     }
 
-    fn settle_regulator(&mut self, now: &Evaluation) {
-        let FaultState { effect, sag_pa, .. } = self.discrete.faults;
+    fn advance_regulator(&mut self, now: &Evaluation) {
+        let FaultState { effect, sag_pa, .. } = self.inputs.faults;
         let droop_pa = effect.regulator_droop_pa;
         // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on letting out.
-        let shut_in_kg = &mut self.discrete.faults.shut_in_kg;
+        let shut_in_kg = &mut self.discrete.fault_memory.shut_in_kg;
         if droop_pa <= sag_pa || *shut_in_kg <= 0.0 {
             *shut_in_kg = now.pressurant.tank_kg;
         } else {
@@ -180,11 +183,11 @@ impl Plant {
             return;
         }
         let regulator = &self.vehicle.pressurant.regulator;
-        self.discrete.faults.sag_pa = match self.vehicle.gas_model {
+        self.inputs.faults.sag_pa = match self.vehicle.gas_model {
             GasModel::Balanced(_) => droop_pa,
             GasModel::Distributed if droop_pa > sag_pa => {
                 let room_m3 = self.vehicle.ullage_m3(self.state.nitrous_kg);
-                let shut_in_kg_m3 = self.discrete.faults.shut_in_kg / room_m3.max(f64::MIN_POSITIVE);
+                let shut_in_kg_m3 = self.discrete.fault_memory.shut_in_kg / room_m3.max(f64::MIN_POSITIVE);
                 let shut_in_pa = self.vehicle.pressurant_gas.ullage.pressure_pa(shut_in_kg_m3);
                 (regulator.set_pressure_pa - shut_in_pa).clamp(sag_pa, droop_pa)
             }
@@ -198,11 +201,11 @@ impl Plant {
 
     /// The flame meets what has pooled.
     pub(super) fn light_pool(&mut self, now: &Evaluation) {
-        let pool_kg = self.discrete.faults.pool_kg;
+        let pool_kg = self.discrete.fault_memory.pool_kg;
         let condition = self.condition(&self.state);
         let engine = &self.vehicle.engine;
-        self.discrete.faults.surge =
+        self.inputs.faults.surge =
             engine.hard_start(&condition, now.engine.oxidizer_kg_s, pool_kg, self.step.s());
-        self.discrete.faults.pool_kg = 0.0;
+        self.discrete.fault_memory.pool_kg = 0.0;
     }
 }

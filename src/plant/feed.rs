@@ -3,6 +3,7 @@
 //! step to the stage's instant; at the end it is advanced over the whole step, and what the manifold has taken
 //! up leaves the tank.
 
+use super::discrete_state::FeedStart;
 use super::{Plant, State};
 use crate::propulsion::{EngineCondition, Feed, FeedInput, FeedPoint, FeedState, FeedStep, OperatingPoint};
 
@@ -29,16 +30,14 @@ impl Plant {
         let floor_m2 = core::f64::consts::PI * self.vehicle.tank.radius_m * self.vehicle.tank.radius_m;
         let liquid_m = self.state.nitrous_kg / (self.vehicle.nitrous_density_kg_m3 * floor_m2);
         let head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
-        let start = self.feed_input(&self.state, head_pa);
+        let input = self.feed_input(&self.state, head_pa);
         // The feed does not feel a surge.
-        let chamber_pa = now.chamber_pa - self.discrete.faults.surge.chamber_pa;
-        let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, chamber_pa);
+        let chamber_pa = now.chamber_pa - self.inputs.faults.surge.chamber_pa;
+        let stages = engine.feed_stages(feed, input.valve_area_m2, now.injector_inlet_pa, chamber_pa);
         // Within the step the head goes on as it went in the last one.
-        self.discrete.head_trend_pa =
-            if self.discrete.head_pa > 0.0 { head_pa - self.discrete.head_pa } else { 0.0 };
-        self.discrete.head_pa = head_pa;
-        self.discrete.feed_stages = stages;
-        self.discrete.feed_start = start;
+        let head_trend_pa = if self.inputs.head_pa > 0.0 { head_pa - self.inputs.head_pa } else { 0.0 };
+        self.inputs.head_pa = head_pa;
+        self.discrete.feed_start = FeedStart { input, stages, head_trend_pa };
     }
 
     /// The feed system's step.
@@ -49,7 +48,7 @@ impl Plant {
         let open_area_m2 = self.feed_input(&self.state, 0.0).valve_area_m2;
         let feed = self.feed_in(&self.state);
         let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
-        self.discrete.guess.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
+        self.discrete.warm_start.last.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
         // What is injected and what is stored come of two methods, whose errors an empty tank cannot pay.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
         let given_kg = taken_kg.min(self.state.nitrous_kg);
@@ -71,12 +70,12 @@ impl Plant {
     }
 
     /// Brings what is stored to the steady state of the running engine at the present valve angle.
-    pub(super) fn settle_feed(&mut self) {
+    pub(super) fn fill_feed(&mut self) {
         let engine = &self.vehicle.engine;
         let FeedInput { valve_area_m2, condition, .. } = self.feed_input(&self.state, 0.0);
         let feed = self.feed_in(&self.state);
         let steady = EngineCondition { fuel_flow_kg_s: None, ..condition };
-        let point = engine.operating_point(feed, valve_area_m2, &steady, self.discrete.guess);
+        let point = engine.operating_point(feed, valve_area_m2, &steady, self.discrete.warm_start.last);
         let fed = engine.feed_steady(feed, &point);
         self.state.manifold_kg = fed.manifold_kg;
         self.state.line_kg_s = fed.line_kg_s;
@@ -84,23 +83,20 @@ impl Plant {
     }
 
     fn feed_after(&self, feed: &Feed<'_>, state: &State, open_area_m2: f64, share: f64) -> FeedPoint {
-        let discrete = &self.discrete;
-        let step = FeedStep {
-            from: FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s },
-            start: discrete.feed_start,
-            stages: discrete.feed_stages,
-        };
-        let head_pa = (discrete.head_pa + share * discrete.head_trend_pa).max(0.0);
+        let FeedStart { input: start, stages, head_trend_pa } = self.discrete.feed_start;
+        let from = FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s };
+        let head_pa = (self.inputs.head_pa + share * head_trend_pa).max(0.0);
         let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.condition(state) };
         let elapsed_s = share * self.step.s();
-        self.vehicle.engine.feed_point(feed, &step, &now, elapsed_s, discrete.warm_start_at(share))
+        let warm_start = self.discrete.warm_start.at(share);
+        self.vehicle.engine.feed_point(feed, &FeedStep { from, start, stages }, &now, elapsed_s, warm_start)
     }
 
     fn feed_input(&self, state: &State, head_pa: f64) -> FeedInput {
         let (valve, _) = self.valve(state);
         let valve_area_m2 = self.valve_area_m2(valve.angle_rad);
         FeedInput {
-            valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.discrete.isolation),
+            valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.inputs.isolation),
             head_pa,
             condition: self.condition(state),
         }

@@ -1,6 +1,6 @@
-//! Couplings discrete still, so that a flight with and without one shows what it is worth.
+//! Couplings held still, so that a flight with and without one shows what it is worth.
 //!
-//! Mass itself always evolves. What is discrete is what the rest of the vehicle sees of it: see [`Coupling`].
+//! Mass itself always evolves. What is held is what the rest of the vehicle sees of it: see [`Coupling`].
 
 use super::Evaluation;
 use crate::dynamics::mass::{MassProperties, MassRate, MassState};
@@ -8,7 +8,7 @@ use crate::frame::{Mat3, Vec3, point_inertia};
 use crate::propulsion::NitrogenState;
 use crate::scenario::Coupling;
 
-/// What is discrete, at the values of step 0.
+/// What is held, at the values of step 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frozen {
     com_body_m: Option<Vec3>,
@@ -47,7 +47,7 @@ impl Frozen {
         }
     }
 
-    /// Puts the discrete centre of mass and inertia in place of the real ones, and their rates with them.
+    /// Puts the held centre of mass and inertia in place of the real ones, and their rates with them.
     pub(super) fn hold(&self, mass: &mut MassState) {
         if self.com_body_m.is_none() && self.inertia_kg_m2.is_none() {
             return;
@@ -101,8 +101,8 @@ mod tests {
         let part = Component {
             name: "dry".into(),
             mass_kg: 54.0,
-            position_m: [0.002, -0.001, -0.5],
-            inertia_kg_m2: [[9.0, 0.1, 0.0], [0.1, 8.0, 0.0], [0.0, 0.0, 2.0]],
+            position_m: [0.002, 0.001, 0.5],
+            inertia_kg_m2: [[9.0, -0.1, 0.0], [-0.1, 8.0, 0.0], [0.0, 0.0, 2.0]],
             swings: false,
         };
         MassModel::new(
@@ -149,12 +149,12 @@ mod tests {
                 inertia_kg_m2: freeze_inertia.then_some(own),
                 ..Frozen::default()
             };
-            let discrete = |time_s| {
+            let held = |time_s| {
                 let mut mass = at(&model, time_s);
                 frozen.hold(&mut mass);
                 mass
             };
-            let (real, now) = (at(&model, 0.0).vehicle, discrete(0.0));
+            let (real, now) = (at(&model, 0.0).vehicle, held(0.0));
             assert_eq!(now.vehicle.mass_kg, real.mass_kg);
             let moved = (now.vehicle.centre_of_mass_body_m() - com).norm();
             let turned = (now.vehicle.inertia_about_com_kg_m2() - own).norm();
@@ -170,7 +170,7 @@ mod tests {
             }
             // Central difference over 2 h: h² of third derivatives, below 1e-8; round-off 1e-14/1e-3.
             let h = 1e-3;
-            let (before, after) = (discrete(-h).vehicle, discrete(h).vehicle);
+            let (before, after) = (held(-h).vehicle, held(h).vehicle);
             let moment = (after.first_moment_kg_m - before.first_moment_kg_m) / (2.0 * h);
             let inertia = (after.inertia_kg_m2 - before.inertia_kg_m2).diagonal() / (2.0 * h);
             assert!((moment.z - now.rate.first_moment_z_kg_m_s).abs() < 1e-8, "{moment}");

@@ -5,12 +5,14 @@
 //! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
 //! isolation and vent valves, contact anchors, pulses of the thrusters, events.
 //!
-//! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings discrete still for
+//! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings held still for
 //! studies (`freeze.rs`).
 
+mod cached_rate;
 mod command;
 mod continuous;
 mod discrete;
+mod discrete_state;
 mod fault;
 mod feed;
 mod freeze;
@@ -28,26 +30,23 @@ pub use state::{Rate, State};
 
 use nalgebra::Vector2;
 
-use crate::actuator::{DelayLine, ServoMemory};
-use crate::disturbance::{ConstantDisturbance, Disturbances, Effect};
-use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
+use crate::disturbance::{ConstantDisturbance, Disturbances};
+use crate::dynamics::landing_gear::{Contact, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
-use crate::propulsion::{
-    FeedGrid, FeedInput, Flame, GasState, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
-    Triangle, WarmStart,
-};
+use crate::propulsion::{NitrogenState, OperatingPoint};
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
-use crate::signal::{ActuatorCommand, Throttle};
+use crate::signal::ActuatorCommand;
 use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
-use fault::FaultState;
+use cached_rate::CachedRate;
+use discrete_state::{DiscreteState, StepInputs};
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
@@ -63,6 +62,8 @@ pub struct Plant {
     step: SimTime,
     time: SimTime,
     state: State,
+    /// What is discrete and read by the rate of the state, and what is not read by it.
+    inputs: StepInputs,
     discrete: DiscreteState,
     disturbances: Disturbances,
     sequence: Sequence,
@@ -71,7 +72,7 @@ pub struct Plant {
     frozen: Frozen,
     /// `None`: full fidelity.
     paper: Option<Paper>,
-    settled: Option<CachedRate>,
+    cached_rate: Option<CachedRate>,
 }
 
 /// What somebody at a bench adds to the world in mid-run; by default nothing.
@@ -81,48 +82,6 @@ pub struct Interference {
     pub wind_ned_m_s: Vec3,
     /// Disturbance on top of the scenario's.
     pub standing: ConstantDisturbance,
-}
-
-/// The evaluation at the end of a step, which is the first stage of the next one unless something discrete
-/// has changed since.
-#[derive(Clone, Copy, Debug)]
-struct CachedRate {
-    inputs: Inputs,
-    rate: Rate,
-    /// Where the solver looked first.
-    guess: (WarmStart, [[f64; 2]; 2]),
-}
-
-/// What [`Plant::evaluate`] reads and what may change between steps, of the state too, for comparison. Play and
-/// friction are not here: they are taken in before the evaluation that ends a step. Nor is the solver's guess; nor are the anchors,
-/// whose change makes [`Plant::finish_step`] forget, nor are faults, whose change makes [`Plant::set_faults`] forget. Whoever lets [`Plant::evaluate`] read something else that
-/// changes between steps adds it here; tests with debug assertions compare every rate that is taken over with a
-/// fresh one from the same guess, to the bit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Inputs {
-    nitrous_kg: f64,
-    nitrogen_kg: f64,
-    gas: GasState,
-    fuel_flow_kg_s: f64,
-    valve_rad: f64,
-    valve_rad_s: f64,
-    gimbal_rad: Vec3,
-    rcs_level: Vec3,
-    burning_fraction: f64,
-    burning_share: f64,
-    nitrous_depleted: bool,
-    regulator_sag_pa: f64,
-    surge_pa: f64,
-    head_pa: f64,
-    feed_triangle: Triangle,
-    valve_command_rad: f64,
-    gimbal_command_rad: Vector2<f64>,
-    isolation: f64,
-    vent: f64,
-    rcs_open: PairLevels,
-    lit: bool,
-    ignition: Option<SimTime>,
-    grip: Grip,
 }
 
 /// What a scenario idealises.
@@ -146,94 +105,6 @@ struct Options {
 struct Outlets {
     nozzle: Vec3,
     vent: Vec3,
-}
-
-/// Everything discrete: constant inside a step.
-#[derive(Clone, Debug)]
-struct DiscreteState {
-    /// Valve angle and gimbal angles as they reach the servos (rad).
-    valve_command_rad: f64,
-    gimbal_command_rad: Vector2<f64>,
-    valve_delay: DelayLine<f64>,
-    gimbal_delay: DelayLine<[f64; 2]>,
-    /// Play and friction of the servos.
-    valve_memory: ServoMemory,
-    gimbal_memory: [ServoMemory; 2],
-    /// Openings, 0 shut to 1 open.
-    isolation: f64,
-    vent: f64,
-    grip: Grip,
-    anchors: Anchors,
-    feed: FeedGrid,
-    /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
-    /// liquid at the valve (Pa), then and its growth in a step.
-    feed_start: FeedInput,
-    feed_stages: Stages,
-    head_pa: f64,
-    head_trend_pa: f64,
-    /// Where the engine's solver looks first, and the first and second differences per step of its two
-    /// pressures (Pa), injector inlet and chamber.
-    guess: WarmStart,
-    trend_pa: [[f64; 2]; 2],
-    modulator: Modulator,
-    /// Share of the step in which the valves of each thruster pair are open.
-    rcs_open: PairLevels,
-    /// What the engine controller made of the throttle.
-    demand: Demand,
-    flame: Flame,
-    igniter: bool,
-    ignition: Option<SimTime>,
-    /// Fuel flow of the fully burning oxidiser at the last step (kg/s).
-    full_fuel_kg_s: f64,
-    burnt_through: bool,
-    nitrous_depleted: bool,
-    bottle_low: bool,
-    tank_high: bool,
-    /// When the engine controller last could not give what was asked for.
-    saturated: Option<SimTime>,
-    /// The balance of momentum had no solution.
-    singular: bool,
-    /// What disturbs the vehicle.
-    disturbed: Effect,
-    /// What is faults.
-    faults: FaultState,
-}
-
-impl DiscreteState {
-    /// Where the solver looks first, `share` of a step on: as it moved in the last steps.
-    fn warm_start_at(&self, share: f64) -> WarmStart {
-        let mut guess = self.guess;
-        let (first, second) = (share, 0.5 * share * (share + 1.0));
-        let [inlet, chamber] = &self.trend_pa;
-        guess.injector_inlet_pa += first * inlet[0] + second * inlet[1];
-        guess.near.pressure.pa += first * chamber[0] + second * chamber[1];
-        guess
-    }
-
-    /// Takes in the solution at the end of a step.
-    fn update_warm_start(&mut self, next: WarmStart) {
-        let settled = self.guess.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
-        let before = [self.guess.injector_inlet_pa, self.guess.near.pressure.pa];
-        let now = [next.injector_inlet_pa, next.near.pressure.pa];
-        self.trend_pa = if settled {
-            std::array::from_fn(|k| {
-                let first = now[k] - before[k];
-                [first, first - self.trend_pa[k][0]]
-            })
-        } else {
-            Default::default()
-        };
-        self.guess = next;
-    }
-}
-
-/// What the engine controller made of the throttle, and when.
-#[derive(Clone, Copy, Debug)]
-struct Demand {
-    throttle: Throttle,
-    solved: Option<SimTime>,
-    valve_rad: f64,
-    thrust_n: f64,
 }
 
 /// Everything that [`Plant::evaluate`] finds at one instant.
@@ -314,67 +185,13 @@ impl Plant {
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
         self.disturbances.stand((standing != ConstantDisturbance::default()).then_some(standing));
         // The evaluation at the end of the last step knows nothing of it.
-        self.settled = None;
+        self.cached_rate = None;
     }
 
     /// The rate alone: what else an evaluation finds need not be stored.
     #[inline(never)]
     fn rate(&self, state: &State, share: f64) -> Rate {
         self.evaluate_inline(state, share).rate
-    }
-
-    /// Rate at the beginning of a step.
-    fn first_rate(&mut self) -> Rate {
-        let settled = self.settled.as_ref();
-        match settled.filter(|at| at.inputs == self.inputs(&self.state)) {
-            Some(&CachedRate { rate, guess, .. }) => {
-                debug_assert!(self.repeats(&rate, guess), "Inputs lacks something that evaluate reads");
-                rate
-            }
-            None => self.rate(&self.state, 0.0),
-        }
-    }
-
-    /// Whether an evaluation from a guess gives the same rate again.
-    fn repeats(&mut self, rate: &Rate, guess: (WarmStart, [[f64; 2]; 2])) -> bool {
-        let now = (self.discrete.guess, self.discrete.trend_pa);
-        (self.discrete.guess, self.discrete.trend_pa) = guess;
-        let fresh = self.rate(&self.state, 0.0);
-        (self.discrete.guess, self.discrete.trend_pa) = now;
-        let [a, b] = [rate, &fresh].map(|rate| State::EMPTY.advanced(rate, 1.0));
-        // Written so that what is not a number is the same as everything.
-        !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 0.0)
-    }
-
-    /// What [`Plant::evaluate`] reads and what may change between steps.
-    #[inline]
-    fn inputs(&self, state: &State) -> Inputs {
-        let discrete = &self.discrete;
-        Inputs {
-            nitrous_kg: state.nitrous_kg,
-            nitrogen_kg: state.nitrogen_kg,
-            gas: state.gas,
-            fuel_flow_kg_s: state.fuel_flow_kg_s,
-            valve_rad: state.valve_rad,
-            valve_rad_s: state.valve_rad_s,
-            gimbal_rad: state.gimbal_rad,
-            rcs_level: state.rcs_level,
-            burning_fraction: state.burning_fraction,
-            burning_share: self.burning_share(state),
-            nitrous_depleted: discrete.nitrous_depleted,
-            regulator_sag_pa: discrete.faults.sag_pa,
-            surge_pa: discrete.faults.surge.chamber_pa,
-            head_pa: discrete.head_pa,
-            feed_triangle: discrete.feed.triangle(),
-            valve_command_rad: discrete.valve_command_rad,
-            gimbal_command_rad: discrete.gimbal_command_rad,
-            isolation: discrete.isolation,
-            vent: discrete.vent,
-            rcs_open: discrete.rcs_open,
-            lit: discrete.flame.lit,
-            ignition: discrete.ignition,
-            grip: discrete.grip,
-        }
     }
 
     pub(super) fn note(&mut self, name: &'static str, detail: String) {
@@ -395,7 +212,7 @@ impl Plant {
     }
 
     pub(super) fn mission_s_at(&self, share: f64) -> f64 {
-        match self.discrete.ignition {
+        match self.inputs.ignition {
             Some(ignition) => self.time.since(ignition).s() + share * self.step.s(),
             None => -1.0,
         }
@@ -403,7 +220,7 @@ impl Plant {
 
     /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
-        self.discrete.ignition.map(|ignition| self.time.since(ignition).s())
+        self.inputs.ignition.map(|ignition| self.time.since(ignition).s())
     }
 
     /// Run time.

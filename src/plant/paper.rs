@@ -1,11 +1,11 @@
 //! The seed paper's scheme: explicit Euler at 0.02 s, in the centre of mass, with its own engine.
 //!
-//! At a knot the rate of the state is evaluated and then discrete until the next knot, so that the plant's clock, its
+//! At a knot the rate of the state is evaluated and then held until the next knot, so that the plant's clock, its
 //! sensors and its loops keep their 1 ms. Position and velocity are taken to the centre of mass, stepped there, and
 //! brought back with the new attitude and the new centre: the paper tracks the centre of mass and does not add its
 //! drift in the body. The port grows by Eq 4, not by Euler; the attitude is normalised at knots.
 //!
-//! Not of the paper, and therefore not on its step: servos and thruster valves move at the plant's step, what is discrete
+//! Not of the paper, and therefore not on its step: servos and thruster valves move at the plant's step, what is held
 //! sees them at the knots; while a pad touches the ground every step is a knot, because legs are too stiff for 0.02 s.
 //! The liquid stops at the wall (`stop_fraction` of the radius, outward velocity gone) where the full model has a
 //! stiff stop, which 0.02 s cannot carry.
@@ -69,11 +69,11 @@ impl Plant {
         }
         let dt_s = self.step.s();
         let Some(paper) = &self.paper else { return };
-        let (Some(discrete), Some(point)) = (paper.rate, paper.point) else { return };
+        let (Some(held), Some(point)) = (paper.rate, paper.point) else { return };
         let ends = self.time + self.step >= paper.next;
         // Burnt fuel is even over the step, the radius is not.
         let port_radius_m = self.port_radius_after_burning_m(&self.state, point.fuel_kg_s * dt_s);
-        let mut rate = self.with_actuators(discrete);
+        let mut rate = self.with_actuators(held);
         rate.port_radius_m = (port_radius_m - self.state.port_radius_m) / dt_s;
         self.state = self.state.advanced(&rate, dt_s);
         if ends {
@@ -82,7 +82,7 @@ impl Plant {
         }
     }
 
-    /// The rate at a knot, to be discrete for `length_s`.
+    /// The rate at a knot, to be held for `length_s`.
     fn held_rate(&mut self, length_s: f64) -> Rate {
         if let Some(paper) = &mut self.paper {
             paper.point = None;
@@ -129,8 +129,8 @@ impl Plant {
         }
     }
 
-    /// The discrete rate with what the actuators do at this step.
-    fn with_actuators(&self, discrete: Rate) -> Rate {
+    /// The held rate with what the actuators do at this step.
+    fn with_actuators(&self, held: Rate) -> Rate {
         let (_, valve) = self.valve(&self.state);
         let (_, gimbal) = self.gimbal(&self.state);
         let lateral = |v: nalgebra::Vector2<f64>| Vec3::new(v.x, v.y, 0.0);
@@ -140,7 +140,7 @@ impl Plant {
             gimbal_rad: lateral(gimbal[0]),
             gimbal_rad_s: lateral(gimbal[1]),
             rcs_level: self.rcs_rate(&self.state),
-            ..discrete
+            ..held
         }
     }
 }

@@ -9,15 +9,15 @@ use super::continuous::slosh_states;
 use crate::dynamics::Load;
 use crate::dynamics::mass::{ContentsRate, FlowTerms};
 use crate::dynamics::rigid_body::{self, Balance, GimbalMotion, Swing};
-use crate::frame::Vec3;
+use crate::frame::{Vec3, frd_from_structural};
 
 impl Plant {
     /// Takes in where a step has left the gimbal's play and friction.
     pub(super) fn take_up_gimbal(&mut self) {
-        let servos = self.discrete.faults.gimbal_servo;
+        let servos = self.inputs.faults.gimbal_servo;
         let play = servos.iter().any(|servo| servo.backlash_rad > 0.0);
         let before = play.then(|| self.gimbal(&self.state).0);
-        for (axis, memory) in self.discrete.gimbal_memory.iter_mut().enumerate() {
+        for (axis, memory) in self.inputs.gimbal_memory.iter_mut().enumerate() {
             *memory = servos[axis].memory_after(self.state.gimbal_rad[axis], memory);
         }
         if let Some(before) = before {
@@ -56,7 +56,7 @@ impl Plant {
         let velocity_body_m_s = attitude.inverse() * state.velocity_ned_m_s;
         let jump = rigid_body::jolt(&balance(before), &balance(after), velocity_body_m_s);
 
-        let imu = Vec3::from(vehicle.sensors.imu.position_m);
+        let imu = frd_from_structural(vehicle.sensors.imu.position_m);
         let [first, second] = jump.slosh_body_m_s2.map(|jump_m_s| Vec3::new(jump_m_s.x, jump_m_s.y, 0.0));
         let state = &mut self.state;
         state.velocity_ned_m_s += attitude * jump.specific_force_body_m_s2;

@@ -34,7 +34,7 @@ pub struct FeedGrid {
 
 /// Half a cell of the grid: constant inside a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Triangle {
+struct Triangle {
     cell: [i32; 2],
     /// Temperature has come farther from the cell's first corner than pressure.
     warm: bool,
@@ -85,11 +85,6 @@ impl FeedGrid {
         }
     }
 
-    /// What the next step's stages are blended from.
-    pub fn triangle(&self) -> Triangle {
-        self.triangle
-    }
-
     /// At a state of the tank; somewhat beyond the triangle the same plane goes on.
     #[inline]
     pub fn at(&self, tank_pa: f64, tank_k: f64) -> Feed<'_> {
@@ -113,8 +108,9 @@ impl FeedGrid {
         Feed { first, blend: Some(Blend::of(parts)) }
     }
 
-    /// Follows the tank to another state: makes the maps that its triangle lacks. No allocation.
-    pub fn follow(&mut self, tank_pa: f64, tank_k: f64) {
+    /// Follows the tank to another state: makes the maps that its triangle lacks, and says whether the
+    /// triangle is another. No allocation.
+    pub fn follow(&mut self, tank_pa: f64, tank_k: f64) -> bool {
         let [u, v] = self.place(tank_pa, tank_k);
         let cell = [u.floor(), v.floor()].map(|x| x as i32);
         let (fu, fv) = (u - u.floor(), v - v.floor());
@@ -126,7 +122,7 @@ impl FeedGrid {
         let now = &self.triangle;
         let complete = (0..3).all(|k| weights[k] <= 0.0 || now.corners[k].is_some());
         if now.cell == cell && now.warm == warm && complete {
-            return;
+            return false;
         }
         self.clock += 1;
         let mut corners = nodes.map(|node| self.nodes.iter().position(|at| *at == Some(node)));
@@ -139,6 +135,7 @@ impl FeedGrid {
             }
         }
         self.triangle = Triangle { cell, warm, corners };
+        true
     }
 
     /// The map of a node, in place of the one that has not been wanted for longest.

@@ -36,7 +36,7 @@ pub use chamber::{Chamber, ChamberGas, ChamberGasRate, ChamberModel};
 pub use combustion::{CombustionMap, Map};
 pub use engine::{Damage, Engine, EngineCondition, EngineError, EngineTexts, OperatingPoint, WarmStart};
 pub use feed::{Isolation, Line, Manifold, ManifoldModel, Tank, Vent, VentedGas};
-pub use feed_grid::{Feed, FeedGrid, Triangle};
+pub use feed_grid::{Feed, FeedGrid};
 pub use feed_map::{FeedMap, Inlet};
 pub use gas_balance::{GasBalance, GasState, GasView, Stores, StoresRate, Ullage, UllageModel, Withdrawal};
 pub use grain::Grain;

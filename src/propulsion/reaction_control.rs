@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::nozzle::STANDARD_GRAVITY_M_S2;
-use crate::frame::Vec3;
+use crate::frame::{Vec3, frd_from_structural};
 use crate::input::Invalid;
 use crate::time::SimTime;
 
@@ -64,10 +64,10 @@ pub struct Thruster {
     pub name: String,
     /// Which pair it fires with.
     pub pair: Pair,
-    /// Position (m), structural frame in the file, body FRD once the vehicle is read.
+    /// Position, structural frame (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// Direction of the force on the vehicle, same frame; normalised when used.
+    /// Direction of the force on the vehicle, structural frame; normalised when used.
     #[schemars(inner(range(min = -1.0, max = 1.0)))]
     pub force_direction: [f64; 3],
 }
@@ -204,7 +204,7 @@ impl ReactionControl {
         PairLevels { a: (open.a - levels.a) * per_s, b: (open.b - levels.b) * per_s }
     }
 
-    /// Force and moment on the vehicle, and nitrogen used. Positions and directions in body FRD.
+    /// Force and moment on the vehicle, and nitrogen used.
     #[inline]
     pub fn loads(&self, levels: &PairLevels, supply_pa: f64) -> ThrusterLoads {
         if levels.a <= 0.0 && levels.b <= 0.0 {
@@ -223,10 +223,10 @@ impl ReactionControl {
                 Pair::B => levels.b,
             };
             let thrust_n = self.thrust_n * supply * level.clamp(0.0, 1.0);
-            let direction = Vec3::from(thruster.force_direction);
+            let direction = frd_from_structural(thruster.force_direction);
             let force = direction * (thrust_n / direction.norm().max(1e-12));
             loads.force_body_n += force;
-            loads.moment_body_n_m += Vec3::from(thruster.position_m).cross(&force);
+            loads.moment_body_n_m += frd_from_structural(thruster.position_m).cross(&force);
             loads.nitrogen_kg_s += thrust_n / (STANDARD_GRAVITY_M_S2 * self.specific_impulse_s);
         }
         loads
@@ -259,12 +259,12 @@ mod tests {
     use super::*;
 
     fn reference() -> ReactionControl {
-        // Structural (0.2, 0, 1.28) and its force directions, turned into body FRD.
+        // `y`: of the force in body FRD, which is against structural y.
         let thruster = |name: &str, pair, x: f64, y: f64| Thruster {
             name: name.into(),
             pair,
-            position_m: [x, 0.0, -1.28],
-            force_direction: [0.0, y, 0.0],
+            position_m: [x, 0.0, 1.28],
+            force_direction: [0.0, -y, 0.0],
         };
         ReactionControl {
             thrust_n: 5.0,

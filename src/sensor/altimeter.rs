@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::environment::Environment;
-use crate::frame::Vec3;
+use crate::frame::{Vec3, frd_from_structural};
 use crate::input::Invalid;
 use crate::noise::{self, Stream};
 use crate::signal::AltimeterSample;
@@ -23,10 +23,10 @@ pub struct AltimeterParameters {
     /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where it sits (m).
+    /// Where it sits, structural frame (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
-    /// Direction of the beam, a unit vector.
+    /// Direction of the beam, a unit vector in the structural frame.
     #[schemars(inner(range(min = -1.0, max = 1.0)))]
     pub direction: [f64; 3],
     /// From measurement to delivery (s).
@@ -81,8 +81,8 @@ impl Altimeter {
         Ok(Self {
             schedule: Schedule::new(p.rate_hz)?,
             delay: SimTime::from_s(p.delay_s),
-            position_body_m: Vec3::from(p.position_m),
-            direction_body: Vec3::from(p.direction).normalize(),
+            position_body_m: frd_from_structural(p.position_m),
+            direction_body: frd_from_structural(p.direction).normalize(),
             noise_std_m: p.noise_std_m,
             noise_fraction: p.noise_fraction,
             range_m: p.range_m,

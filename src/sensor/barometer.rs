@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::Environment;
 use crate::environment::atmosphere::pressure_altitude_m;
-use crate::frame::Vec3;
+use crate::frame::{Vec3, frd_from_structural};
 use crate::input::Invalid;
 use crate::noise::{self, ChannelError, Stream};
 use crate::signal::BarometerSample;
@@ -21,7 +21,7 @@ pub struct BarometerParameters {
     /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where its port is (m).
+    /// Where its port is, structural frame (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// From measurement to delivery (s).
@@ -63,7 +63,7 @@ impl Barometer {
         Ok(Self {
             schedule: Schedule::new(p.rate_hz)?,
             delay: SimTime::from_s(p.delay_s),
-            position_body_m: Vec3::from(p.position_m),
+            position_body_m: frd_from_structural(p.position_m),
             dynamic_pressure_coefficient: p.dynamic_pressure_coefficient,
             range_pa: p.range_pa,
             error: ChannelError::new(white_std_pa, p.random_walk_pa_sqrt_s, p.bias_std_pa, &mut stream),

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::environment::Environment;
-use crate::frame::Vec3;
+use crate::frame::{Vec3, frd_from_structural};
 use crate::input::Invalid;
 use crate::noise::{self, GaussMarkov, Stream};
 use crate::signal::GnssFix;
@@ -27,7 +27,7 @@ pub struct GnssParameters {
     /// Rate of fixes, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 100.0))]
     pub rate_hz: f64,
-    /// Phase centre of the antenna (m).
+    /// Phase centre of the antenna, structural frame (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub antenna_position_m: [f64; 3],
     /// Satellites in use, as reported.
@@ -125,7 +125,7 @@ impl Gnss {
         Ok(Self {
             schedule: Schedule::new(parameters.rate_hz)?,
             delay: SimTime::from_s(delay_override_s.unwrap_or(r.delay_s)),
-            antenna_body_m: Vec3::from(parameters.antenna_position_m),
+            antenna_body_m: frd_from_structural(parameters.antenna_position_m),
             satellites: parameters.satellites,
             receiver,
             drift_ned_m,

@@ -24,7 +24,7 @@ pub struct ImuParameters {
     /// Sample rate, a divisor of 1000 (Hz); one measurement per sample.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where it sits (m).
+    /// Where it sits, structural frame (m).
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// From the end of the interval to delivery (s).

@@ -20,7 +20,7 @@ pub struct MagnetometerParameters {
     /// Sample rate, a divisor of 1000 (Hz).
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub rate_hz: f64,
-    /// Where it sits (m); the field is uniform, so this is for the record.
+    /// Where it sits, structural frame (m); the field is uniform, so this is for the record.
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// From measurement to delivery (s).

@@ -67,20 +67,6 @@ pub struct SensorParameters {
 }
 
 impl SensorParameters {
-    /// Every position and direction, for the change from the structural frame of the file to body FRD.
-    pub fn vectors_mut(&mut self) -> impl Iterator<Item = &mut [f64; 3]> {
-        [
-            &mut self.imu.position_m,
-            &mut self.gnss.antenna_position_m,
-            &mut self.barometer.position_m,
-            &mut self.magnetometer.position_m,
-            &mut self.altimeter.position_m,
-            &mut self.altimeter.direction,
-        ]
-        .into_iter()
-        .chain(self.pressure_transducer.iter_mut().map(|transducer| &mut transducer.position_m))
-    }
-
     /// # Errors
     /// When a rate does not divide 1 kHz, a range is empty, a direction is no unit vector, or two
     /// transducers measure at the same place.

@@ -19,10 +19,7 @@ struct VehicleFile {
 /// The tables of the reference vehicle, with positions in FRD.
 fn reference() -> (SensorParameters, Environment) {
     let text = include_str!("../../scenarios/vehicles/reference.toml");
-    let VehicleFile { site, mut sensors } = toml::from_str(text).unwrap();
-    for vector in sensors.vectors_mut() {
-        *vector = frd_from_structural(Vec3::from(*vector)).into();
-    }
+    let VehicleFile { site, sensors } = toml::from_str(text).unwrap();
     (sensors, Environment::new(&site, &WindParameters::default(), 1).unwrap())
 }
 
@@ -117,7 +114,7 @@ fn the_reference_file_is_valid() {
     parameters.validate().unwrap();
     assert_eq!(environment.terrain, Terrain);
     assert_eq!(parameters.pressure_transducer.len(), 4);
-    assert_eq!(parameters.altimeter.direction, [0.0, 0.0, 1.0], "down, in FRD");
+    assert_eq!(parameters.altimeter.direction, [0.0, 0.0, -1.0], "down, in the structural frame");
     assert_eq!(parameters.tracking, TrackingParameters::default());
 }
 
@@ -351,7 +348,7 @@ fn a_delayed_inertial_unit_is_not_weightless_at_the_start() {
 fn the_antenna_moves_with_the_body() {
     let mut world = faultless();
     world.0.gnss.plain.delay_s = 0.0;
-    world.0.gnss.antenna_position_m = [2.0, 0.0, -1.0];
+    world.0.gnss.antenna_position_m = [2.0, 0.0, 1.0];
     let spin = |time: SimTime| Truth {
         q_ned_from_body: UnitQuaternion::from_axis_angle(&Vec3::z_axis(), 3.0 * time.s()),
         rate_body_rad_s: Vec3::new(0.0, 0.0, 3.0),
@@ -382,7 +379,8 @@ fn plain_fixes_wander_by_a_metre_and_rtk_by_centimetres() {
     ] {
         let mut world = reference();
         world.0.gnss.grade = grade;
-        let antenna = at_rest(SimTime::ZERO).point_ned_m(&Vec3::from(world.0.gnss.antenna_position_m));
+        let antenna =
+            at_rest(SimTime::ZERO).point_ned_m(&frd_from_structural(world.0.gnss.antenna_position_m));
         let errors: Vec<Vec3> = (0..1000)
             .map(|seed| {
                 let fix = run(&world, seed, 0.1, at_rest).pop().unwrap().gnss.unwrap();

@@ -17,7 +17,7 @@ use super::truth::Truth;
 pub struct TransducerParameters {
     /// Which pressure it reads.
     pub name: Tap,
-    /// Where it sits (m); for the record, pressures are uniform where they are tapped.
+    /// Where it sits, structural frame (m); for the record, pressures are uniform where they are tapped.
     #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// Sample rate, a divisor of 1000 (Hz).

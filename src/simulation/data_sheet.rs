@@ -15,7 +15,7 @@ use crate::autopilot::tracking::{TrackingParameters, WEIGHTS};
 use crate::autopilot::{lcvx, mpc};
 use crate::dynamics::mass::{Contents, ContentsRate, MassState};
 use crate::environment::Environment;
-use crate::frame::Vec3;
+use crate::frame::{Vec3, frd_from_structural};
 use crate::input::Invalid;
 use crate::noise::sample_std;
 use crate::propulsion::{Drive, EngineCondition, PairLevels, WarmStart};
@@ -138,7 +138,7 @@ fn navigation(
     let metres = |pressure_pa: f64| if pad_density > 0.0 { pressure_pa / pad_density } else { 0.0 };
     let barometer = &sensors.barometer;
     NavigationParameters {
-        imu_body_m: Vec3::from(imu.position_m),
+        imu_body_m: frd_from_structural(imu.position_m),
         accelerometer: [
             sample_std(imu.accelerometer.noise_density_m_s2_sqrt_hz, rate_hz),
             imu.accelerometer.bias_std_m_s2,
@@ -156,7 +156,7 @@ fn navigation(
                 .gnss_delay_s
                 .or(instruments.gnss_delay_s)
                 .unwrap_or(receiver.delay_s),
-            antenna_body_m: Vec3::from(gnss.antenna_position_m),
+            antenna_body_m: frd_from_structural(gnss.antenna_position_m),
             position_std_m: [receiver.horizontal_noise_std_m, receiver.vertical_noise_std_m],
             drift_std_m: [receiver.horizontal_drift_std_m, receiver.vertical_drift_std_m],
             drift_time_s: receiver.drift_time_constant_s,
@@ -171,7 +171,7 @@ fn navigation(
         ],
         barometer_delay_s: barometer.delay_s,
         altimeter: [sensors.altimeter.noise_std_m, sensors.altimeter.noise_fraction],
-        altimeter_body_m: Vec3::from(sensors.altimeter.position_m),
+        altimeter_body_m: frd_from_structural(sensors.altimeter.position_m),
         altimeter_delay_s: sensors.altimeter.delay_s,
         magnetic_field_ned_t: Some(environment.magnetic_field_ned_t),
         magnetometer_t: [

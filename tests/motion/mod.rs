@@ -5,7 +5,7 @@ use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::*;
 use hopbench::dynamics::rigid_body::*;
 use hopbench::dynamics::slosh::{Mode, Slosh, SloshState};
-use hopbench::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural, quaternion_rate};
+use hopbench::frame::{Mat3, Vec3, quaternion_rate};
 use hopbench::integrator::Integrable;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2};
 
@@ -121,13 +121,9 @@ pub fn reference_vehicle() -> Reference {
         }
         value.as_float().or_else(|| value.as_integer().map(|i| i as f64)).unwrap()
     };
-    let mut components: Vec<Component> = table["component"].clone().try_into().unwrap();
-    for component in &mut components {
+    let components: Vec<Component> = table["component"].clone().try_into().unwrap();
+    for component in &components {
         component.validate().unwrap();
-        component.position_m = frd_from_structural(Vec3::from(component.position_m)).into();
-        let own = Mat3::from_fn(|r, c| component.inertia_kg_m2[r][c]);
-        let own = inertia_frd_from_structural(own);
-        component.inertia_kg_m2 = core::array::from_fn(|r| core::array::from_fn(|c| own[(r, c)]));
     }
     let tank = TankGeometry {
         radius_m: number(&["feed", "tank", "radius_m"]),

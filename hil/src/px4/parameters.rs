@@ -1,6 +1,6 @@
 //! The parameters, each with its reason.
 
-use hopbench::frame::Vec3;
+use hopbench::frame::{Vec3, frd_from_structural};
 use hopbench::vehicle::Vehicle;
 use serde::Serialize;
 
@@ -305,7 +305,7 @@ fn estimator(facts: &Facts<'_>, list: &mut List) {
         ("EKF2_GPS_POS", sensors.gnss.antenna_position_m, "antenna"),
         ("EKF2_RNG_POS", sensors.altimeter.position_m, "altimeter"),
     ] {
-        let from_com = Vec3::from(position_m) - com;
+        let from_com = frd_from_structural(position_m) - com;
         for (axis, value) in ["X", "Y", "Z"].into_iter().zip(from_com.iter()) {
             list.real(format!("{name}_{axis}"), *value, format!("m from the centre of mass, FRD: {what}"));
         }

@@ -1,0 +1,57 @@
+//! The rate at the end of a step, which is the first stage of the next one unless something discrete has changed since.
+
+use super::discrete_state::{EngineWarmStart, StepInputs};
+use super::{Plant, Rate, State};
+use crate::integrator::Integrable;
+
+/// A rate with all that it is a function of. Time, wind and the maps of the feed grid are not compared:
+/// time and wind move before the evaluation that ends a step, and whoever moves them or the grid
+/// afterwards forgets the rate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CachedRate {
+    pub(super) state: State,
+    pub(super) inputs: StepInputs,
+    pub(super) rate: Rate,
+    /// Where the solver began: for the guard alone, since another start gives other bits.
+    pub(super) warm_start: EngineWarmStart,
+}
+
+impl Plant {
+    /// Keeps the rate of the present state.
+    pub(super) fn cache_rate(&mut self, rate: &Rate) {
+        let (state, inputs, warm_start) = (self.state, self.inputs, self.discrete.warm_start);
+        match &mut self.cached_rate {
+            // In place: a rate is large.
+            Some(cached) => {
+                (cached.state, cached.inputs, cached.warm_start) = (state, inputs, warm_start);
+                cached.rate = *rate;
+            }
+            None => self.cached_rate = Some(CachedRate { state, inputs, rate: *rate, warm_start }),
+        }
+    }
+
+    /// Rate at the beginning of a step.
+    pub(super) fn first_rate(&mut self) -> Rate {
+        match &self.cached_rate {
+            Some(cached) if cached.state == self.state && cached.inputs == self.inputs => {
+                let CachedRate { rate, warm_start, .. } = *cached;
+                debug_assert!(
+                    self.gives_again(&rate, warm_start),
+                    "the rate is a function of more than state and step inputs"
+                );
+                rate
+            }
+            _ => self.rate(&self.state, 0.0),
+        }
+    }
+
+    /// Whether an evaluation from a warm start gives the same rate to the bit.
+    fn gives_again(&mut self, rate: &Rate, warm_start: EngineWarmStart) -> bool {
+        let now = std::mem::replace(&mut self.discrete.warm_start, warm_start);
+        let fresh = self.rate(&self.state, 0.0);
+        self.discrete.warm_start = now;
+        let [a, b] = [rate, &fresh].map(|rate| State::EMPTY.advanced(rate, 1.0));
+        // Written so that what is not a number is the same as everything.
+        !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 0.0)
+    }
+}

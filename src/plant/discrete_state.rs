@@ -1,0 +1,123 @@
+//! What is discrete in the plant: constant inside a step, changed between steps.
+//!
+//! [`StepInputs`] is the part that the rate of the continuous state is a function of, beside the state itself. What
+//! stands apart in [`DiscreteState`] either is read by nobody inside a step, or has no say in the rate at a
+//! step's beginning: the solver's warm start moves it by less than the solver's tolerance.
+
+use nalgebra::Vector2;
+
+use super::fault::{FaultMemory, FaultState};
+use crate::actuator::{DelayLine, ServoMemory};
+use crate::disturbance::Effect;
+use crate::dynamics::landing_gear::{Anchors, Grip};
+use crate::propulsion::{FeedGrid, FeedInput, Flame, Modulator, PairLevels, Stages, WarmStart};
+use crate::signal::Throttle;
+use crate::time::SimTime;
+
+/// Discrete inputs of the rate of the state. Two evaluations of one state with equal inputs, at one time in one wind, give
+/// the same rate: [`super::CachedRate`] rests on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct StepInputs {
+    /// Valve angle and gimbal angles as they reach the servos (rad).
+    pub(super) valve_command_rad: f64,
+    pub(super) gimbal_command_rad: Vector2<f64>,
+    /// Play and friction of the servos.
+    pub(super) valve_memory: ServoMemory,
+    pub(super) gimbal_memory: [ServoMemory; 2],
+    /// Openings, 0 shut to 1 open.
+    pub(super) isolation: f64,
+    pub(super) vent: f64,
+    /// Share of the step in which the valves of each thruster pair are open.
+    pub(super) rcs_open: PairLevels,
+    pub(super) grip: Grip,
+    pub(super) anchors: Anchors,
+    pub(super) flame: Flame,
+    pub(super) ignition: Option<SimTime>,
+    /// Usable fuel below which the flame fades (kg); zero while there is plenty.
+    pub(super) fading_fuel_kg: f64,
+    pub(super) nitrous_depleted: bool,
+    /// Weight of the liquid at the valve when the step began (Pa).
+    pub(super) head_pa: f64,
+    pub(super) disturbance: Effect,
+    pub(super) faults: FaultState,
+}
+
+/// The rest of what is discrete.
+#[derive(Clone, Debug)]
+pub(super) struct DiscreteState {
+    pub(super) valve_delay: DelayLine<f64>,
+    pub(super) gimbal_delay: DelayLine<[f64; 2]>,
+    pub(super) feed: FeedGrid,
+    pub(super) feed_start: FeedStart,
+    pub(super) warm_start: EngineWarmStart,
+    pub(super) modulator: Modulator,
+    /// What the engine controller made of the throttle.
+    pub(super) demand: Demand,
+    pub(super) igniter: bool,
+    /// Fuel flow of the fully burning oxidiser at the last step (kg/s).
+    pub(super) full_fuel_kg_s: f64,
+    pub(super) burnt_through: bool,
+    pub(super) bottle_low: bool,
+    pub(super) tank_high: bool,
+    /// When the engine controller last could not give what was asked for.
+    pub(super) saturated: Option<SimTime>,
+    /// The balance of momentum had no solution.
+    pub(super) singular: bool,
+    pub(super) fault_memory: FaultMemory,
+}
+
+/// What the feed system's own steps start from, with a feed that stores. It acts after the beginning of a step only.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FeedStart {
+    /// What drove the feed system when the step began.
+    pub(super) input: FeedInput,
+    /// How finely it is resolved.
+    pub(super) stages: Stages,
+    /// Growth of the liquid's weight in a step (Pa).
+    pub(super) head_trend_pa: f64,
+}
+
+/// Where the engine's solver begins: the last solution, moved on as it moved in the last steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct EngineWarmStart {
+    pub(super) last: WarmStart,
+    /// First and second differences per step of the two pressures (Pa), injector inlet and chamber.
+    trend_pa: [[f64; 2]; 2],
+}
+
+/// What the engine controller made of the throttle, and when.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Demand {
+    pub(super) throttle: Throttle,
+    pub(super) solved: Option<SimTime>,
+    pub(super) valve_rad: f64,
+    pub(super) thrust_n: f64,
+}
+
+impl EngineWarmStart {
+    /// `share` of a step after the last solution.
+    pub(super) fn at(&self, share: f64) -> WarmStart {
+        let mut start = self.last;
+        let (first, second) = (share, 0.5 * share * (share + 1.0));
+        let [inlet, chamber] = &self.trend_pa;
+        start.injector_inlet_pa += first * inlet[0] + second * inlet[1];
+        start.near.pressure.pa += first * chamber[0] + second * chamber[1];
+        start
+    }
+
+    /// Takes in the solution at the end of a step.
+    pub(super) fn update(&mut self, next: WarmStart) {
+        let both_flow = self.last.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
+        let before = [self.last.injector_inlet_pa, self.last.near.pressure.pa];
+        let now = [next.injector_inlet_pa, next.near.pressure.pa];
+        self.trend_pa = if both_flow {
+            std::array::from_fn(|k| {
+                let first = now[k] - before[k];
+                [first, first - self.trend_pa[k][0]]
+            })
+        } else {
+            Default::default()
+        };
+        self.last = next;
+    }
+}
