@@ -369,7 +369,7 @@ impl Plant {
                 .fuel_flow_rate_kg_s2(state.fuel_flow_kg_s, engine.steady_fuel_kg_s),
             burning_fraction: parameters.ignition.burning_rate_1_s(
                 state.burning_fraction,
-                self.inputs.flame.lit,
+                self.inputs.lit,
                 &parameters.depletion,
             ),
             valve_rad: actuators.valve_rate.angle_rad,

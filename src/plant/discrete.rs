@@ -143,18 +143,18 @@ impl Plant {
             self.note("fuel_burn_through", chamber());
         }
         let flame = self.vehicle.engine_parameters.ignition.advance(
-            &self.inputs.flame,
+            &self.discrete.flame,
             &FlameConditions {
                 time: self.time,
                 igniter: self.discrete.igniter && !self.inputs.faults.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
-                fuel_left: !self.discrete.burnt_through || (self.inputs.flame.lit && burning > FLICKER),
+                fuel_left: !self.discrete.burnt_through || (self.inputs.lit && burning > FLICKER),
                 late_s: self.inputs.faults.effect.light_delay_s,
             },
         );
-        match (self.inputs.flame.lit, flame.lit) {
+        match (self.inputs.lit, flame.lit) {
             (false, true) => {
                 self.inputs.ignition.get_or_insert(self.time);
                 self.light_pool(now);
@@ -167,7 +167,8 @@ impl Plant {
             }
             _ => {}
         }
-        self.inputs.flame = flame;
+        self.inputs.lit = flame.lit;
+        self.discrete.flame = flame;
     }
 
     /// Fuel that can still burn: ports that meet leave slivers (kg).

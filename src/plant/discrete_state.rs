@@ -31,7 +31,8 @@ pub(super) struct StepInputs {
     pub(super) rcs_open: PairLevels,
     pub(super) grip: Grip,
     pub(super) anchors: Anchors,
-    pub(super) flame: Flame,
+    /// The grain burns.
+    pub(super) lit: bool,
     pub(super) ignition: Option<SimTime>,
     /// Usable fuel below which the flame fades (kg); zero while there is plenty.
     pub(super) fading_fuel_kg: f64,
@@ -54,6 +55,7 @@ pub(super) struct DiscreteState {
     /// What the engine controller made of the throttle.
     pub(super) demand: Demand,
     pub(super) igniter: bool,
+    pub(super) flame: Flame,
     /// Fuel flow of the fully burning oxidiser at the last step (kg/s).
     pub(super) full_fuel_kg_s: f64,
     pub(super) burnt_through: bool,

@@ -163,7 +163,7 @@ impl Plant {
         faults.surge = faults.surge.after(step_s);
         let pooling_kg_s = faults.effect.hard_start * now.engine.oxidizer_kg_s;
         // Without flow the pool boils off, beside a flame there is none.
-        let pools = pooling_kg_s > 0.0 && !self.inputs.flame.lit;
+        let pools = pooling_kg_s > 0.0 && !self.inputs.lit;
         let pool_kg = &mut self.discrete.fault_memory.pool_kg;
         *pool_kg = if pools { *pool_kg + pooling_kg_s * step_s } else { 0.0 };
     }

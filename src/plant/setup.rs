@@ -21,7 +21,6 @@ use crate::propulsion::{
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
-use crate::vehicle::Vehicle;
 
 /// Airspeed up to which drag must be sound (m/s): Mach 0.3, where its model ends.
 const SOUND_AIRSPEED_M_S: f64 = 100.0;
@@ -62,7 +61,7 @@ impl Plant {
             time: SimTime::ZERO,
             state,
             inputs: StepInputs::at_step_zero(scenario, &options, state.nitrous_kg),
-            discrete: DiscreteState::at_step_zero(&vehicle, feed, step),
+            discrete: DiscreteState::at_step_zero(scenario, feed, step),
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
@@ -329,7 +328,7 @@ impl StepInputs {
             rcs_open: PairLevels::default(),
             grip: if options.ground && !running { Grip::Held } else { Grip::Free },
             anchors: Anchors::default(),
-            flame: Flame { lit: running, was_lit: running, ..Flame::default() },
+            lit: running,
             ignition: running.then_some(SimTime::ZERO),
             fading_fuel_kg: 0.0,
             nitrous_depleted: nitrous_kg <= vehicle.tank.unusable_nitrous_kg,
@@ -341,7 +340,9 @@ impl StepInputs {
 }
 
 impl DiscreteState {
-    fn at_step_zero(vehicle: &Vehicle, feed: FeedMap, step: SimTime) -> Self {
+    fn at_step_zero(scenario: &Scenario, feed: FeedMap, step: SimTime) -> Self {
+        let vehicle = &scenario.vehicle;
+        let running = scenario.file.initial.engine == EngineStart::Running;
         let (valve_delay, gimbal_delay) =
             (SimTime::from_s(vehicle.valve_delay_s), SimTime::from_s(vehicle.gimbal.delay_s));
         Self {
@@ -353,6 +354,7 @@ impl DiscreteState {
             modulator: Modulator::default(),
             demand: Demand { throttle: Throttle::ValveRad(0.0), solved: None, valve_rad: 0.0, thrust_n: 0.0 },
             igniter: false,
+            flame: Flame { lit: running, was_lit: running, ..Flame::default() },
             full_fuel_kg_s: 0.0,
             burnt_through: false,
             bottle_low: false,

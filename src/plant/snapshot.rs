@@ -245,7 +245,7 @@ impl Plant {
             pads_down: now.contact.pads_down as u32,
             leg_deflection_m,
             hull_contact,
-            lit: self.inputs.flame.lit,
+            lit: self.inputs.lit,
             singular: self.discrete.singular,
             expelled_kg: [state.expelled_nozzle_kg, state.expelled_rcs_kg, state.expelled_vent_kg],
             vented_vapor_kg: state.vented_vapor_kg,
