@@ -158,10 +158,10 @@ impl Effect {
 #[derive(Clone, Debug)]
 pub struct Disturbances {
     running: Vec<Running>,
-    standing: Option<ConstantDisturbance>,
+    constant: Option<ConstantDisturbance>,
 }
 
-/// What somebody at a bench has set, from then on and in no window; it is steady.
+/// A constant disturbance without a window of time, as somebody at a bench sets it in mid-run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ConstantDisturbance {
     /// Thrust above or below what the engine model gives, as a share of it.
@@ -189,12 +189,12 @@ impl Disturbances {
             let noise = GaussMarkov::new(entry.thrust_noise_std, time_constant_s, &mut stream);
             Running { entry: entry.clone(), noise, stream, acts: false }
         });
-        Self { running: running.collect(), standing: None }
+        Self { running: running.collect(), constant: None }
     }
 
-    /// From now on this acts too.
-    pub fn stand(&mut self, standing: Option<ConstantDisturbance>) {
-        self.standing = standing;
+    /// Sets what acts beside the scenario's disturbances from now on.
+    pub fn set_constant(&mut self, constant: Option<ConstantDisturbance>) {
+        self.constant = constant;
     }
 
     /// Moves on by a step (s) to a mission time (`None` before ignition) and gives what acts from there on.
@@ -231,12 +231,12 @@ impl Disturbances {
             sum.moment_body_n_m +=
                 Vec3::from(entry.moment_body_n_m) + Vec3::from(entry.point_m).cross(&force);
         }
-        if let Some(standing) = &self.standing {
-            sum.thrust_share += standing.thrust_bias;
+        if let Some(constant) = &self.constant {
+            sum.thrust_share += constant.thrust_bias;
             for axis in 0..2 {
-                sum.misalignment_rad[axis] += standing.misalignment_rad[axis];
+                sum.misalignment_rad[axis] += constant.misalignment_rad[axis];
             }
-            sum.force_body_n += standing.force_body_n;
+            sum.force_body_n += constant.force_body_n;
         }
         sum
     }
@@ -285,14 +285,14 @@ mod tests {
     fn what_stands_acts_before_ignition_too_until_it_is_taken_away() {
         let mut all = Disturbances::new(&[], 1);
         let at = |all: &mut Disturbances| all.advance(1e-3, None, |_, _| {});
-        all.stand(Some(ConstantDisturbance {
+        all.set_constant(Some(ConstantDisturbance {
             thrust_bias: -0.1,
             force_body_n: Vec3::x(),
             ..Default::default()
         }));
         let effect = at(&mut all);
         assert_eq!((effect.thrust_share, effect.force_body_n), (-0.1, Vec3::x()));
-        all.stand(None);
+        all.set_constant(None);
         assert_eq!(at(&mut all), Effect::default());
     }
 

@@ -181,7 +181,7 @@ pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Loa
 /// How velocities jump when the swinging engine's angles and rates do, its play being taken up or left: what the
 /// accelerations would be if the loss of relative momentum were a load for a second, with nothing else that acts in no
 /// time. `before` and `after` differ in the gimbal's motion alone; `velocity_body_m_s` is O's, in body axes.
-pub fn jolt(before: &Balance, after: &Balance, velocity_body_m_s: Vec3) -> Acceleration {
+pub fn velocity_jump(before: &Balance, after: &Balance, velocity_body_m_s: Vec3) -> Acceleration {
     let [had, has] = [before, after].map(|balance| momentum(balance, velocity_body_m_s));
     // Springs, dampers and stops give nothing in no time.
     let free = after.slosh.map(|sloshing| {

@@ -22,7 +22,7 @@ impl Plant {
     /// Takes in a command: sequence, engine controller, delays, pulses.
     pub(super) fn latch_commands(&mut self, command: &ActuatorCommand) {
         let throttle_on = self.throttle_on(command);
-        let positions = self.sequence.obey(self.time, command, throttle_on);
+        let positions = self.sequence.advance(self.time, command, throttle_on);
         self.move_valves(&positions);
         self.control_engine(throttle_on, command.throttle);
 
@@ -55,14 +55,14 @@ impl Plant {
     fn command_valve(&mut self, valve_rad: f64) {
         let inputs = &mut self.inputs;
         if self.options.ideal {
-            inputs.valve_command_rad = inputs.faults.valve_told_rad(valve_rad);
+            inputs.valve_command_rad = inputs.faults.valve_target_rad(valve_rad);
             let servo = &inputs.faults.valve_servo;
             self.state.valve_rad = servo.at_once(self.state.valve_rad, inputs.valve_command_rad);
             inputs.valve_memory = ServoMemory::at(self.state.valve_rad);
         } else {
             let delay = &mut self.discrete.valve_delay;
             delay.push(self.time, valve_rad);
-            inputs.valve_command_rad = inputs.faults.valve_told_rad(delay.at(self.time));
+            inputs.valve_command_rad = inputs.faults.valve_target_rad(delay.at(self.time));
         }
     }
 
@@ -81,17 +81,17 @@ impl Plant {
     fn command_gimbal(&mut self, gimbal_rad: [f64; 2]) {
         let inputs = &mut self.inputs;
         if self.options.ideal_gimbal {
-            let told_rad = inputs.faults.gimbal_told_rad(gimbal_rad);
-            inputs.gimbal_command_rad = Vector2::from(told_rad);
-            for (axis, told_rad) in told_rad.into_iter().enumerate() {
+            let servo_target_rad = inputs.faults.gimbal_target_rad(gimbal_rad);
+            inputs.gimbal_command_rad = Vector2::from(servo_target_rad);
+            for (axis, servo_target_rad) in servo_target_rad.into_iter().enumerate() {
                 let servo = &inputs.faults.gimbal_servo[axis];
-                self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], told_rad);
+                self.state.gimbal_rad[axis] = servo.at_once(self.state.gimbal_rad[axis], servo_target_rad);
                 inputs.gimbal_memory[axis] = ServoMemory::at(self.state.gimbal_rad[axis]);
             }
         } else {
             let delay = &mut self.discrete.gimbal_delay;
             delay.push(self.time, gimbal_rad);
-            inputs.gimbal_command_rad = Vector2::from(inputs.faults.gimbal_told_rad(delay.at(self.time)));
+            inputs.gimbal_command_rad = Vector2::from(inputs.faults.gimbal_target_rad(delay.at(self.time)));
         }
     }
 
@@ -137,7 +137,7 @@ impl Plant {
             chamber_gas: None,
             fuel_flow_kg_s: None,
             damage: Damage::NONE,
-            ..self.condition(&self.state)
+            ..self.engine_condition(&self.state)
         };
         let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold
             && !self.options.open_loop;

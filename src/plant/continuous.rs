@@ -63,7 +63,7 @@ const DRAIN_S: f64 = 4e-3;
 impl Plant {
     /// Conditions of the engine at a state.
     #[inline(always)] // so that nothing is written that the engine does not read
-    pub(super) fn condition(&self, state: &State) -> EngineCondition {
+    pub(super) fn engine_condition(&self, state: &State) -> EngineCondition {
         let parameters = &self.vehicle.engine_parameters;
         let tail_s = parameters.depletion.tail_time_constant_s;
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
@@ -453,13 +453,17 @@ impl Plant {
             None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, share),
             None => {
                 let guess = self.discrete.warm_start.at(share);
-                (engine.operating_point_inline(feed, valve_area_m2, &self.condition(state), guess), 0.0)
+                (
+                    engine.operating_point_inline(feed, valve_area_m2, &self.engine_condition(state), guess),
+                    0.0,
+                )
             }
             Some(paper) => match paper.point {
                 Some(held) => return (held, 0.0),
-                None => {
-                    (paper.engine.operating_point(engine, feed, valve_area_m2, &self.condition(state)), 0.0)
-                }
+                None => (
+                    paper.engine.operating_point(engine, feed, valve_area_m2, &self.engine_condition(state)),
+                    0.0,
+                ),
             },
         };
         let surge = &self.inputs.faults.surge;

@@ -8,18 +8,18 @@ use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
 
 /// Share of a thruster's level below which it is off.
-const RCS_OFF: f64 = 1e-6;
+const RCS_OFF_LEVEL: f64 = 1e-6;
 
 /// Share of the flow below which a dying flame is out.
-const FLICKER: f64 = 0.02;
+const EXTINCT_SHARE: f64 = 0.02;
 
 /// A valve that is told to shut and is nearer than this is shut (rad, rad/s): 2e-9 m2 of open area.
-const SEATED_RAD: f64 = 1e-3;
-const SEATED_RAD_S: f64 = 0.1;
+const SEATING_ANGLE_RAD: f64 = 1e-3;
+const SEATING_RATE_RAD_S: f64 = 0.1;
 
 impl Plant {
     /// Turbulence and disturbances move on by a time (s).
-    pub(super) fn disturb(&mut self, dt_s: f64) {
+    pub(super) fn advance_disturbances(&mut self, dt_s: f64) {
         let state = &self.state;
         self.environment.wind.advance(dt_s, -state.position_ned_m.z, state.velocity_ned_m_s);
         let (time, mission_s, events) = (self.time, self.mission_s(), &mut self.events);
@@ -37,7 +37,7 @@ impl Plant {
             self.inputs.valve_memory =
                 self.inputs.faults.valve_servo.memory_after(state.valve_rad, &self.inputs.valve_memory);
         }
-        self.take_up_gimbal();
+        self.advance_gimbal_memory();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         self.cache_rate(&now.rate);
@@ -59,7 +59,7 @@ impl Plant {
 
         // A thruster that has died away is off; its first-order decay would never end.
         for (axis, open) in [(0, self.inputs.rcs_open.a), (1, self.inputs.rcs_open.b)] {
-            if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF {
+            if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF_LEVEL {
                 self.state.rcs_level[axis] = 0.0;
             }
         }
@@ -67,8 +67,8 @@ impl Plant {
         // A ball that is told to shut seats; a servo alone would only ever come near.
         if self.inputs.valve_command_rad <= 0.0
             && self.inputs.faults.valve_servo.drive_share > 0.0
-            && self.state.valve_rad.abs() < SEATED_RAD
-            && self.state.valve_rad_s.abs() < SEATED_RAD_S
+            && self.state.valve_rad.abs() < SEATING_ANGLE_RAD
+            && self.state.valve_rad_s.abs() < SEATING_RATE_RAD_S
         {
             self.state.valve_rad = 0.0;
             self.state.valve_rad_s = 0.0;
@@ -83,9 +83,9 @@ impl Plant {
             self.inputs.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
-        self.watch_the_tank(&now.pressurant);
+        self.detect_tank_events(&now.pressurant);
         let asked = self.discrete.demand.valve_rad > 0.0;
-        let flows = self.inputs.isolation > 0.0 && (asked || self.flows_unasked(&now));
+        let flows = self.inputs.isolation > 0.0 && (asked || self.leaks(&now));
         // A map costs some steps' time, so it waits until something flows.
         if flows {
             if self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k) {
@@ -104,7 +104,7 @@ impl Plant {
     }
 
     /// Notes a bottle that no longer feeds the regulator, and a tank above what the regulator keeps.
-    fn watch_the_tank(&mut self, now: &NitrogenState) {
+    fn detect_tank_events(&mut self, now: &NitrogenState) {
         let high = now.tank_pa > self.vehicle.pressurant.regulator.greatest_pa();
         let low = !now.regulated && !high;
         if low && !self.discrete.bottle_low {
@@ -150,14 +150,14 @@ impl Plant {
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
-                fuel_left: !self.discrete.burnt_through || (self.inputs.lit && burning > FLICKER),
+                fuel_left: !self.discrete.burnt_through || (self.inputs.lit && burning > EXTINCT_SHARE),
                 late_s: self.inputs.faults.effect.light_delay_s,
             },
         );
         match (self.inputs.lit, flame.lit) {
             (false, true) => {
                 self.inputs.ignition.get_or_insert(self.time);
-                self.light_pool(now);
+                self.ignite_pool(now);
                 self.note("ignition", chamber());
             }
             (true, false) => {

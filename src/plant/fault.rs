@@ -57,14 +57,14 @@ impl FaultState {
     }
 
     /// Valve angle that its servo is told (rad).
-    pub(super) fn valve_told_rad(&self, command_rad: f64) -> f64 {
-        told_rad(&self.effect.valve, command_rad, self.valve_servo.upper_rad)
+    pub(super) fn valve_target_rad(&self, command_rad: f64) -> f64 {
+        servo_target_rad(&self.effect.valve, command_rad, self.valve_servo.upper_rad)
     }
 
     /// Gimbal angles that their servos are told (rad).
-    pub(super) fn gimbal_told_rad(&self, command_rad: [f64; 2]) -> [f64; 2] {
+    pub(super) fn gimbal_target_rad(&self, command_rad: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| {
-            told_rad(&self.effect.gimbal[axis], command_rad[axis], self.gimbal_servo[axis].upper_rad)
+            servo_target_rad(&self.effect.gimbal[axis], command_rad[axis], self.gimbal_servo[axis].upper_rad)
         })
     }
 
@@ -90,7 +90,7 @@ impl FaultState {
 }
 
 /// What a servo is told in place of its command (rad).
-fn told_rad(effect: &ServoEffect, command_rad: f64, limit_rad: f64) -> f64 {
+fn servo_target_rad(effect: &ServoEffect, command_rad: f64, limit_rad: f64) -> f64 {
     match effect.held_at_share {
         Some(share) => share * limit_rad,
         None if effect.offset_rad == 0.0 => command_rad,
@@ -122,7 +122,7 @@ impl Plant {
             *servo = with_fault(&self.vehicle.gimbal_servo, effect);
         }
         // Play that comes or goes lets the engine loose or takes it along.
-        self.jolt_from(before);
+        self.apply_play_impulse(before);
     }
 
     /// Open area of the oxidiser valve, with what leaks past its ball (m²).
@@ -151,7 +151,7 @@ impl Plant {
     }
 
     /// Whether oxidiser flows through a valve that should be shut.
-    pub(super) fn flows_unasked(&self, now: &Evaluation) -> bool {
+    pub(super) fn leaks(&self, now: &Evaluation) -> bool {
         self.inputs.faults.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
     }
 
@@ -200,9 +200,9 @@ impl Plant {
     }
 
     /// The flame meets what has pooled.
-    pub(super) fn light_pool(&mut self, now: &Evaluation) {
+    pub(super) fn ignite_pool(&mut self, now: &Evaluation) {
         let pool_kg = self.discrete.fault_memory.pool_kg;
-        let condition = self.condition(&self.state);
+        let condition = self.engine_condition(&self.state);
         let engine = &self.vehicle.engine;
         self.inputs.faults.surge =
             engine.hard_start(&condition, now.engine.oxidizer_kg_s, pool_kg, self.step.s());

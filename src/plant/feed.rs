@@ -20,7 +20,7 @@ impl Plant {
         self.discrete.feed.at(tank.tank_pa, tank.liquid_k)
     }
 
-    /// Takes down what drives the feed system at the beginning of a step, commands obeyed.
+    /// Notes what drives the feed system at the beginning of a step, once commands are latched.
     pub(super) fn begin_feed(&mut self) {
         if !self.feed_stores() {
             return;
@@ -49,7 +49,8 @@ impl Plant {
         let feed = self.feed_in(&self.state);
         let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
         self.discrete.warm_start.last.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
-        // What is injected and what is stored come of two methods, whose errors an empty tank cannot pay.
+        // Two methods of integration give what is injected and what is stored. Their difference must not draw an empty
+        // tank below zero.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
         let given_kg = taken_kg.min(self.state.nitrous_kg);
         self.state.nitrous_kg -= given_kg;
@@ -86,7 +87,7 @@ impl Plant {
         let FeedStart { input: start, stages, head_trend_pa } = self.discrete.feed_start;
         let from = FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s };
         let head_pa = (self.inputs.head_pa + share * head_trend_pa).max(0.0);
-        let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.condition(state) };
+        let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.engine_condition(state) };
         let elapsed_s = share * self.step.s();
         let warm_start = self.discrete.warm_start.at(share);
         self.vehicle.engine.feed_point(feed, &FeedStep { from, start, stages }, &now, elapsed_s, warm_start)
@@ -98,7 +99,7 @@ impl Plant {
         FeedInput {
             valve_area_m2: self.vehicle.isolation.limited_area_m2(valve_area_m2, self.inputs.isolation),
             head_pa,
-            condition: self.condition(state),
+            condition: self.engine_condition(state),
         }
     }
 }

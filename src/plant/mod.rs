@@ -175,7 +175,7 @@ impl Plant {
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
-        self.disturb(self.step.s());
+        self.advance_disturbances(self.step.s());
         self.finish_step();
     }
 
@@ -183,7 +183,7 @@ impl Plant {
     pub fn interfere(&mut self, interference: &Interference) {
         let Interference { wind_ned_m_s, standing } = *interference;
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
-        self.disturbances.stand((standing != ConstantDisturbance::default()).then_some(standing));
+        self.disturbances.set_constant((standing != ConstantDisturbance::default()).then_some(standing));
         // The evaluation at the end of the last step knows nothing of it.
         self.cached_rate = None;
     }

@@ -13,7 +13,7 @@ use crate::frame::{Vec3, frd_from_structural};
 
 impl Plant {
     /// Takes in where a step has left the gimbal's play and friction.
-    pub(super) fn take_up_gimbal(&mut self) {
+    pub(super) fn advance_gimbal_memory(&mut self) {
         let servos = self.inputs.faults.gimbal_servo;
         let play = servos.iter().any(|servo| servo.backlash_rad > 0.0);
         let before = play.then(|| self.gimbal(&self.state).0);
@@ -21,12 +21,12 @@ impl Plant {
             *memory = servos[axis].memory_after(self.state.gimbal_rad[axis], memory);
         }
         if let Some(before) = before {
-            self.jolt_from(before);
+            self.apply_play_impulse(before);
         }
     }
 
     /// Lets vehicle and liquid take the blow of an engine that moved so a moment ago, and now moves otherwise.
-    pub(super) fn jolt_from(&mut self, before: GimbalMotion) {
+    pub(super) fn apply_play_impulse(&mut self, before: GimbalMotion) {
         if !self.vehicle.gimbal.engine_inertia || self.options.clamped {
             return;
         }
@@ -54,7 +54,7 @@ impl Plant {
         };
         let attitude = state.attitude();
         let velocity_body_m_s = attitude.inverse() * state.velocity_ned_m_s;
-        let jump = rigid_body::jolt(&balance(before), &balance(after), velocity_body_m_s);
+        let jump = rigid_body::velocity_jump(&balance(before), &balance(after), velocity_body_m_s);
 
         let imu = frd_from_structural(vehicle.sensors.imu.position_m);
         let [first, second] = jump.slosh_body_m_s2.map(|jump_m_s| Vec3::new(jump_m_s.x, jump_m_s.y, 0.0));

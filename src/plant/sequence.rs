@@ -70,7 +70,12 @@ impl Sequence {
     }
 
     /// Takes in a command at `now`. `throttle_on`: it asks for more than the shutdown fraction.
-    pub(super) fn obey(&mut self, now: SimTime, command: &ActuatorCommand, throttle_on: bool) -> Positions {
+    pub(super) fn advance(
+        &mut self,
+        now: SimTime,
+        command: &ActuatorCommand,
+        throttle_on: bool,
+    ) -> Positions {
         self.was_armed |= command.armed;
         let wanted = if !command.armed {
             self.unpowered

@@ -80,13 +80,13 @@ impl Plant {
         plant.check_step_resolves_drag()?;
         if options.ground {
             plant.check_step_resolves_legs()?;
-            plant.stand()?;
+            plant.place_on_legs()?;
         }
         let running = scenario.file.initial.engine == EngineStart::Running;
         if let Some(schedule) = scenario.schedule.as_ref().filter(|_| running) {
             plant.run_steady(schedule.at(SimTime::ZERO));
         }
-        plant.disturb(0.0);
+        plant.advance_disturbances(0.0);
         plant.snapshot = plant.snapshot_of(&plant.evaluate(&plant.state, 0.0));
         Ok(plant)
     }
@@ -101,7 +101,7 @@ impl Plant {
         let eroded_m = self.state.throat_radius_m + 60.0 * nozzle.erosion_rate_m_s;
         let condition = EngineCondition {
             throat_radius_m: eroded_m.min(nozzle.greatest_throat_radius_m()),
-            ..self.condition(&self.state)
+            ..self.engine_condition(&self.state)
         };
         // Choked, whatever burns; the time constant of a choked chamber does not depend on its pressure.
         let gas_kg = 30.0 * self.vehicle.engine.gas_at_rest(&condition).oxidizer_kg;
@@ -174,7 +174,7 @@ impl Plant {
     }
 
     /// Puts the vehicle on its legs, at rest and upright.
-    fn stand(&mut self) -> Result<(), Invalid> {
+    fn place_on_legs(&mut self) -> Result<(), Invalid> {
         if frame::tilt_rad(&self.state.attitude()) > 1e-3 {
             return Err(Invalid::new("initial.q_ned_from_body", "on the pad the vehicle stands upright"));
         }
@@ -209,13 +209,13 @@ impl Plant {
     /// Lets the chamber fill at the present valve angle until nothing changes any more.
     fn fill_chamber(&mut self) {
         let area_m2 = self.vehicle.engine.valve_area().area_m2(self.state.valve_rad);
-        let at_rest = self.vehicle.engine.gas_at_rest(&self.condition(&self.state));
+        let at_rest = self.vehicle.engine.gas_at_rest(&self.engine_condition(&self.state));
         let mut gas = at_rest;
         let rate = |gas: ChamberGas| {
             let condition = EngineCondition {
                 chamber_gas: Some(gas),
                 fuel_flow_kg_s: None,
-                ..self.condition(&self.state)
+                ..self.engine_condition(&self.state)
             };
             self.vehicle
                 .engine

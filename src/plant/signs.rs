@@ -27,7 +27,7 @@ pub struct Row {
 }
 
 /// Steps until the actuators have followed: ten time constants of the slowest.
-const SETTLE_STEPS: usize = 400;
+const FOLLOW_STEPS: usize = 400;
 
 /// Computes the table for a vehicle with full tanks in hover.
 ///
@@ -98,7 +98,7 @@ pub fn table(vehicle: &Vehicle) -> Result<Vec<Row>, Invalid> {
 fn accelerations(hover: &Scenario, command: &ActuatorCommand) -> Result<[Vec3; 2], Invalid> {
     let mut plant = Plant::new(hover)?;
     let rest = *plant.state();
-    for _ in 0..SETTLE_STEPS {
+    for _ in 0..FOLLOW_STEPS {
         plant.step(command);
     }
     let mut state = *plant.state();
