@@ -29,15 +29,10 @@ impl Plant {
         });
     }
 
-    /// Discrete events after a step.
+    /// What is discrete, after a step.
     pub(super) fn finish_step(&mut self) {
-        // Play and friction: before the evaluation, which begins the next step.
-        let state = &self.state;
-        if state.valve_rad > 0.0 {
-            self.inputs.valve_memory =
-                self.inputs.faults.valve_servo.memory_after(state.valve_rad, &self.inputs.valve_memory);
-        }
-        self.advance_gimbal_memory();
+        // Before the evaluation, which begins the next step.
+        self.advance_servo_memory();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         self.cache_rate(&now.rate);
@@ -48,63 +43,83 @@ impl Plant {
             self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
         }
 
-        // What integration may leave a rounding below zero.
-        self.state.nitrous_kg = self.state.nitrous_kg.max(0.0);
-        self.state.nitrogen_kg = self.state.nitrogen_kg.max(0.0);
-        if let GasModel::Balanced(balance) = &self.vehicle.gas_model {
-            self.state.gas = balance.kept_in_range(&self.state.gas, self.state.nitrogen_kg);
-        }
-        self.state.burning_fraction = self.state.burning_fraction.clamp(0.0, 1.0);
-        self.state.fuel_flow_kg_s = self.state.fuel_flow_kg_s.max(0.0);
-
-        // A thruster that has died away is off; its first-order decay would never end.
-        for (axis, open) in [(0, self.inputs.rcs_open.a), (1, self.inputs.rcs_open.b)] {
-            if open == 0.0 && self.state.rcs_level[axis] < RCS_OFF_LEVEL {
-                self.state.rcs_level[axis] = 0.0;
-            }
-        }
-
-        // A ball that is told to shut seats; a servo alone would only ever come near.
-        if self.inputs.valve_command_rad <= 0.0
-            && self.inputs.faults.valve_servo.drive_share > 0.0
-            && self.state.valve_rad.abs() < SEATING_ANGLE_RAD
-            && self.state.valve_rad_s.abs() < SEATING_RATE_RAD_S
-        {
-            self.state.valve_rad = 0.0;
-            self.state.valve_rad_s = 0.0;
-            self.inputs.valve_memory = ServoMemory::default();
-        }
-
+        self.clear_round_off();
+        self.seat_valves();
         self.advance_faults(&now);
         self.advance_flame(&now);
+        self.detect_depletion(&now.pressurant);
+        self.follow_tank(&now);
+        self.advance_anchors(&now);
+    }
 
-        // Depletion.
+    /// Play and friction of the servos.
+    fn advance_servo_memory(&mut self) {
+        let (angle_rad, inputs) = (self.state.valve_rad, &mut self.inputs);
+        if angle_rad > 0.0 {
+            inputs.valve_memory = inputs.faults.valve_servo.memory_after(angle_rad, &inputs.valve_memory);
+        }
+        self.advance_gimbal_memory();
+    }
+
+    /// Takes back what integration may leave a rounding out of range.
+    fn clear_round_off(&mut self) {
+        let state = &mut self.state;
+        state.nitrous_kg = state.nitrous_kg.max(0.0);
+        state.nitrogen_kg = state.nitrogen_kg.max(0.0);
+        if let GasModel::Balanced(balance) = &self.vehicle.gas_model {
+            state.gas = balance.kept_in_range(&state.gas, state.nitrogen_kg);
+        }
+        state.burning_fraction = state.burning_fraction.clamp(0.0, 1.0);
+        state.fuel_flow_kg_s = state.fuel_flow_kg_s.max(0.0);
+    }
+
+    /// Shuts what has all but shut: first-order decays and servos alone would never end.
+    fn seat_valves(&mut self) {
+        let (state, inputs) = (&mut self.state, &mut self.inputs);
+        for (axis, open) in [(0, inputs.rcs_open.a), (1, inputs.rcs_open.b)] {
+            if open == 0.0 && state.rcs_level[axis] < RCS_OFF_LEVEL {
+                state.rcs_level[axis] = 0.0;
+            }
+        }
+        if inputs.valve_command_rad <= 0.0
+            && inputs.faults.valve_servo.drive_share > 0.0
+            && state.valve_rad.abs() < SEATING_ANGLE_RAD
+            && state.valve_rad_s.abs() < SEATING_RATE_RAD_S
+        {
+            state.valve_rad = 0.0;
+            state.valve_rad_s = 0.0;
+            inputs.valve_memory = ServoMemory::default();
+        }
+    }
+
+    /// Lets the feed system's maps follow the tank. A map costs some steps' time, so it waits until something flows.
+    fn follow_tank(&mut self, now: &Evaluation) {
+        let asked = self.discrete.demand.valve_rad > 0.0;
+        let flows = self.inputs.isolation > 0.0 && (asked || self.leaks(now));
+        if flows && self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k) {
+            self.cached_rate = None;
+        }
+    }
+
+    /// Where the pads stand.
+    fn advance_anchors(&mut self, now: &Evaluation) {
+        if !self.options.ground {
+            return;
+        }
+        let (gear, inputs) = (&self.vehicle.landing_gear, &mut self.inputs);
+        if !gear.clear_of_ground(&now.motion, 0.0) || inputs.anchors.count() > 0 {
+            inputs.anchors =
+                gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &inputs.anchors, inputs.grip);
+        }
+    }
+
+    /// Notes a tank whose liquid is used up, a bottle that no longer feeds the regulator, and a tank above what the
+    /// regulator keeps.
+    fn detect_depletion(&mut self, now: &NitrogenState) {
         if !self.inputs.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
             self.inputs.nitrous_depleted = true;
             self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
-        self.detect_tank_events(&now.pressurant);
-        let asked = self.discrete.demand.valve_rad > 0.0;
-        let flows = self.inputs.isolation > 0.0 && (asked || self.leaks(&now));
-        // A map costs some steps' time, so it waits until something flows.
-        if flows {
-            if self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k) {
-                self.cached_rate = None;
-            }
-        }
-
-        // Feet.
-        if self.options.ground {
-            let (gear, inputs) = (&self.vehicle.landing_gear, &mut self.inputs);
-            if !gear.clear_of_ground(&now.motion, 0.0) || inputs.anchors.count() > 0 {
-                inputs.anchors =
-                    gear.anchors_after(&self.pads_body_m, &now.motion, 0.0, &inputs.anchors, inputs.grip);
-            }
-        }
-    }
-
-    /// Notes a bottle that no longer feeds the regulator, and a tank above what the regulator keeps.
-    fn detect_tank_events(&mut self, now: &NitrogenState) {
         let high = now.tank_pa > self.vehicle.pressurant.regulator.greatest_pa();
         let low = !now.regulated && !high;
         if low && !self.discrete.bottle_low {
