@@ -48,7 +48,7 @@ impl Plant {
             None => self.settled = Some(CachedRate { inputs, rate: now.rate, guess }),
         }
         self.snapshot = self.snapshot_of(&now);
-        self.discrete.update_warm_start(now.engine.guess);
+        self.discrete.update_warm_start(now.engine.warm_start);
         if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
             self.discrete.singular = true;
             self.note("abort:singular", "mass or inertia is not that of a body".to_owned());

@@ -32,12 +32,12 @@ impl Plant {
         let start = self.feed_input(&self.state, head_pa);
         // The feed does not feel a surge.
         let chamber_pa = now.chamber_pa - self.discrete.faults.surge.chamber_pa;
-        let stages = engine.feed_stages(feed, start.valve_area_m2, now.injector_inlet_pa, chamber_pa);
+        let method = engine.implicit_method(feed, start.valve_area_m2, now.injector_inlet_pa, chamber_pa);
         // Within the step the head goes on as it went in the last one.
         self.discrete.head_trend_pa =
             if self.discrete.head_pa > 0.0 { head_pa - self.discrete.head_pa } else { 0.0 };
         self.discrete.head_pa = head_pa;
-        self.discrete.feed_stages = stages;
+        self.discrete.feed_method = method;
         self.discrete.feed_start = start;
     }
 
@@ -49,7 +49,7 @@ impl Plant {
         let open_area_m2 = self.feed_input(&self.state, 0.0).valve_area_m2;
         let feed = self.feed_in(&self.state);
         let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
-        self.discrete.guess.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
+        self.discrete.guess.slope_kg_s_pa = engine.warm_start.slope_kg_s_pa;
         // What is injected and what is stored come of two methods, whose errors an empty tank cannot pay.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
         let given_kg = taken_kg.min(self.state.nitrous_kg);
@@ -88,7 +88,7 @@ impl Plant {
         let step = FeedStep {
             from: FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s },
             start: discrete.feed_start,
-            stages: discrete.feed_stages,
+            method: discrete.feed_method,
         };
         let head_pa = (discrete.head_pa + share * discrete.head_trend_pa).max(0.0);
         let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.condition(state) };

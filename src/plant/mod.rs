@@ -38,8 +38,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    FeedGrid, FeedInput, Flame, GasState, Modulator, NitrogenState, OperatingPoint, PairLevels, Stages,
-    Triangle, WarmStart,
+    FeedGrid, FeedInput, Flame, GasState, ImplicitMethod, Modulator, NitrogenState, OperatingPoint,
+    PairLevels, Triangle, WarmStart,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -168,7 +168,7 @@ struct DiscreteState {
     /// What drove the feed system when the step began, how finely it is resolved, and the weight of the
     /// liquid at the valve (Pa), then and its growth in a step.
     feed_start: FeedInput,
-    feed_stages: Stages,
+    feed_method: ImplicitMethod,
     head_pa: f64,
     head_trend_pa: f64,
     /// Where the engine's solver looks first, and the first and second differences per step of its two
@@ -206,15 +206,15 @@ impl DiscreteState {
         let (first, second) = (share, 0.5 * share * (share + 1.0));
         let [inlet, chamber] = &self.trend_pa;
         guess.injector_inlet_pa += first * inlet[0] + second * inlet[1];
-        guess.near.pressure.pa += first * chamber[0] + second * chamber[1];
+        guess.chamber.pressure.pa += first * chamber[0] + second * chamber[1];
         guess
     }
 
     /// Takes in the solution at the end of a step.
     fn update_warm_start(&mut self, next: WarmStart) {
         let settled = self.guess.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
-        let before = [self.guess.injector_inlet_pa, self.guess.near.pressure.pa];
-        let now = [next.injector_inlet_pa, next.near.pressure.pa];
+        let before = [self.guess.injector_inlet_pa, self.guess.chamber.pressure.pa];
+        let now = [next.injector_inlet_pa, next.chamber.pressure.pa];
         self.trend_pa = if settled {
             std::array::from_fn(|k| {
                 let first = now[k] - before[k];

@@ -14,8 +14,8 @@ use crate::environment::Environment;
 use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
-    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, Flame, Modulator,
-    PairLevels, PaperEngine, Stages, Stores, WarmStart,
+    ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, Flame, ImplicitMethod,
+    Modulator, PairLevels, PaperEngine, Stores, WarmStart,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -143,7 +143,7 @@ impl Plant {
                 anchors: Anchors::default(),
                 feed: FeedGrid::new(feed),
                 feed_start: FeedInput::SHUT,
-                feed_stages: Stages::Two,
+                feed_method: ImplicitMethod::Sdirk2,
                 head_pa: 0.0,
                 head_trend_pa: 0.0,
                 guess: WarmStart::default(),

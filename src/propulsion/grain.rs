@@ -141,6 +141,11 @@ impl Grain {
         let area_m2 = PI * f64::from(self.port_count) * port_radius_m * port_radius_m;
         self.coefficient_si() * libm::pow(oxidizer_kg_s.max(0.0) / area_m2, self.regression_exponent)
     }
+
+    /// Rate of a lagging fuel flow (kg/s²); zero without a lag.
+    pub fn fuel_flow_rate_kg_s2(&self, fuel_flow_kg_s: f64, steady_kg_s: f64) -> f64 {
+        if self.fuel_flow_lag_s > 0.0 { (steady_kg_s - fuel_flow_kg_s) / self.fuel_flow_lag_s } else { 0.0 }
+    }
 }
 
 #[cfg(test)]

@@ -13,8 +13,9 @@
 //! Source: balance of mass of a chamber with a choked throat, `chamber.rs`.
 
 use super::chamber::UNIVERSAL_GAS;
-use super::engine::{ChamberWarmStart, Engine, EngineCondition};
+use super::engine::Engine;
 use super::nozzle::STANDARD_GRAVITY_M_S2;
+use super::operating_point::{ChamberWarmStart, EngineCondition};
 
 /// Below this it is over (Pa).
 const OVER_PA: f64 = 1.0;
@@ -61,13 +62,14 @@ impl Engine {
             return Surge::NONE;
         }
         let steady = EngineCondition { burning_fraction: 1.0, fuel_flow_kg_s: None, ..*condition };
-        let hot = self.at_condition(&steady).burning(oxidizer_kg_s, &mut ChamberWarmStart::default());
+        let chamber = &self.thrust_chamber;
+        let hot = chamber.at_condition(&steady).hot_flow(oxidizer_kg_s, &mut ChamberWarmStart::default());
         let (mixture, log) = (&hot.mixture, hot.pressure.log);
-        let efficiency = self.c_star_efficiency(condition);
+        let efficiency = chamber.c_star_efficiency(condition);
         let rt_j_kg = efficiency * efficiency * UNIVERSAL_GAS / mixture.molar_mass_kg_mol(log)
             * mixture.temperature_k(log);
-        let volume_m3 = self.chamber.dead_volume_m3 + self.grain.port_volume_m3(condition.port_radius_m);
-        let throat_m2 = self.open_throat_m2(condition);
+        let volume_m3 = chamber.gas_volume_m3(condition);
+        let throat_m2 = chamber.open_throat_m2(condition);
         let time_constant_s = volume_m3 * efficiency * mixture.c_star_m_s(log) / (rt_j_kg * throat_m2);
         // The mean over the first step keeps the impulse.
         let share = time_constant_s / step_s * -libm::expm1(-step_s / time_constant_s);

@@ -22,21 +22,19 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::engine::{Engine, EngineCondition, OperatingPoint, WarmStart};
+use super::engine::Engine;
 use super::feed_grid::Feed;
 use super::feed_map::throttled;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
-use super::{ChamberGasRate, EngineParameters, PaperMode};
+use super::operating_point::{EngineCondition, OperatingPoint, WarmStart};
+use super::parameters::{EngineParameters, PaperMode};
 use crate::fluid::Nitrous;
-use crate::input::Invalid;
 use crate::interpolate::{Bracket, bracketed_root};
 
 /// Sea level of the paper's specific impulse (Pa).
 const SEA_LEVEL_PA: f64 = 101_325.0;
-/// Spacing in O/F of the points that the polynomials are fitted to.
-const FIT_SPACING: f64 = 0.25;
 /// Accuracy of P2 (Pa).
 const INLET_TOLERANCE_PA: f64 = 0.01;
 
@@ -74,9 +72,9 @@ pub struct Candidate {
 impl PaperEngine {
     /// From an engine, its parameters and the numbers of the scheme. Allocates: for set-up.
     pub fn new(engine: &Engine, parameters: &EngineParameters, paper: &PaperMode) -> Self {
-        let map = engine.map();
+        let map = &engine.thrust_chamber.map;
         let nozzle = engine.nozzle();
-        let span = fitted_span(paper, map.of_span());
+        let span = paper.fitted_of_range(map.of_span());
         let c_star = |of: f64| map.mixture(of).c_star_m_s(0.0);
         let lost_m2 = SEA_LEVEL_PA * nozzle.expansion_ratio / parameters.map.reference_pressure_pa;
         let isp = |of: f64| map.mixture(of).vacuum_isp_s(0.0) - lost_m2 * c_star(of) / STANDARD_GRAVITY_M_S2;
@@ -120,7 +118,7 @@ impl PaperEngine {
         let left = 1.0 - condition.damage.efficiency_drop_share;
         let isp_s = left * self.isp_efficiency * self.isp_s.at(of_ratio);
         let pressure_pa = total_kg_s * self.c_star_m_s.at(of_ratio) * (left * self.c_star_efficiency)
-            / engine.open_throat_m2(condition);
+            / engine.thrust_chamber.open_throat_m2(condition);
         Candidate {
             oxidizer_kg_s,
             fuel_kg_s,
@@ -151,7 +149,7 @@ impl PaperEngine {
     ) -> Option<(f64, f64)> {
         let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
-        let injector_m2 = engine.injector_area_m2 * (1.0 - condition.damage.injector_blocked_share);
+        let injector_m2 = engine.injector_m2(condition);
         let excess_kg_s = |inlet_pa: f64| {
             let (state, _) =
                 throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa());
@@ -208,7 +206,7 @@ impl PaperEngine {
         let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
         let ambient_pa = condition.ambient_pa;
         if !(valve_area_m2 > 0.0 && limit_kg_s > 0.0 && feed.tank().pressure_pa > ambient_pa) {
-            return engine.at_rest(ambient_pa);
+            return OperatingPoint::no_flow(ambient_pa, WarmStart::default());
         }
         let area = |point: u32| {
             let flow_kg_s = self.flow_kg_s(point);
@@ -231,7 +229,6 @@ impl PaperEngine {
         OperatingPoint {
             oxidizer_kg_s: mixed.oxidizer_kg_s,
             tank_kg_s: mixed.oxidizer_kg_s,
-            outlet_gas_kg_s: 0.0,
             fuel_kg_s: mixed.fuel_kg_s,
             steady_fuel_kg_s: mixed.fuel_kg_s,
             nozzle_kg_s: total_kg_s,
@@ -242,11 +239,10 @@ impl PaperEngine {
             thrust_n: mixed.thrust_n,
             isp_s: mixed.thrust_n / (STANDARD_GRAVITY_M_S2 * total_kg_s),
             regression_rate_m_s: (mixed.port_radius_m - radius_m) / self.step_s,
-            throat_erosion_m_s: engine.erosion_m_s(condition, mixed.chamber_pa),
-            chamber_gas_rate: ChamberGasRate::default(),
+            throat_erosion_m_s: engine.thrust_chamber.erosion_m_s(condition, mixed.chamber_pa),
             nozzle_flow: NozzleFlow::Full,
             solved: inlet.is_some(),
-            guess: WarmStart::default(),
+            ..OperatingPoint::no_flow(ambient_pa, WarmStart::default())
         }
     }
 
@@ -278,8 +274,9 @@ impl PaperEngine {
         let hot = self.candidate(engine, condition, oxidizer_kg_s);
         let f = condition.burning_fraction.clamp(0.0, 1.0);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.cold_isp_s * oxidizer_kg_s;
-        let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s / engine.open_throat_m2(condition))
-            .max(condition.ambient_pa);
+        let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s
+            / engine.thrust_chamber.open_throat_m2(condition))
+        .max(condition.ambient_pa);
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         Candidate {
             fuel_kg_s: f * hot.fuel_kg_s,
@@ -289,25 +286,6 @@ impl PaperEngine {
             ..hot
         }
     }
-}
-
-/// Refuses a range of the polynomials that leaves nothing of the map to fit.
-pub(super) fn validate_range(paper: &PaperMode, map_span: (f64, f64)) -> Result<(), Invalid> {
-    let span = fitted_span(paper, map_span);
-    if span.1 - span.0 >= FIT_SPACING {
-        return Ok(());
-    }
-    let ([from, to], (low, high)) = (paper.polynomial_of_range, map_span);
-    let message = format!(
-        "{from} to {to} is no range to fit: it must rise by {FIT_SPACING} or more within the map's {low} to {high}"
-    );
-    Err(Invalid::new("paper_mode.polynomial_of_range", message))
-}
-
-/// The part of the map that the polynomials are fitted to.
-fn fitted_span(paper: &PaperMode, (low, high): (f64, f64)) -> (f64, f64) {
-    let [from, to] = paper.polynomial_of_range;
-    (from.clamp(low, high), to.clamp(low, high))
 }
 
 /// A polynomial in O/F by its Chebyshev coefficients, held at the ends of its range.
@@ -322,7 +300,7 @@ impl Polynomial {
     /// are nearly singular at degree 8.
     fn fit(span: (f64, f64), degree: u32, f: impl Fn(f64) -> f64) -> Self {
         let terms = degree as usize + 1;
-        let samples = (((span.1 - span.0) / FIT_SPACING).round() as usize + 1).max(2 * terms);
+        let samples = (((span.1 - span.0) / PaperMode::FIT_SPACING).round() as usize + 1).max(2 * terms);
         let at = |i: usize| span.0 + (span.1 - span.0) * i as f64 / (samples - 1) as f64;
         let basis = DMatrix::from_fn(samples, terms, |row, column| chebyshev(scaled(span, at(row)), column));
         let values = DVector::from_fn(samples, |row, _| f(at(row)));

@@ -15,7 +15,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::engine::EngineError;
 use super::injector::SinglePhase;
 use crate::input::Invalid;
 use crate::interpolate::{
@@ -92,6 +91,17 @@ pub struct ValveArea {
     measure: &'static str,
 }
 
+/// Why a valve's table cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ValveAreaError {
+    /// The table itself.
+    #[error("valve area: {0}")]
+    Table(#[from] TableError),
+    /// A parameter that contradicts it; the key is relative to the vehicle file.
+    #[error(transparent)]
+    Parameter(#[from] Invalid),
+}
+
 /// How good a valve's table is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ValveMapCheck {
@@ -127,12 +137,12 @@ impl ValveArea {
     ///
     /// # Errors
     /// When it has no known column, or does not rise from a shut valve.
-    pub fn read(text: &str, valve: &Valve) -> Result<Self, EngineError> {
+    pub fn read(text: &str, valve: &Valve) -> Result<Self, ValveAreaError> {
         let (line, names) = table::heading(text).unwrap_or((1, Vec::new()));
         let has = |name: &str| names.contains(&name);
         let missing = |column: &str| {
             let found = names.join(", ");
-            EngineError::ValveArea(TableError::MissingColumn { column: column.to_owned(), line, found })
+            ValveAreaError::Table(TableError::MissingColumn { column: column.to_owned(), line, found })
         };
         let (travel, rad_per_travel) = if has("theta_deg") {
             ("theta_deg", 1f64.to_radians())
@@ -143,8 +153,8 @@ impl ValveArea {
         };
         let per_flow_area = 1.0 / valve.discharge_coefficient;
         let of_column = |column: &'static str, area_m2: &dyn Fn(f64) -> f64| {
-            let table = Table::read(text, [travel, column]).map_err(EngineError::ValveArea)?;
-            opening(&table, |[_, value]| area_m2(value), rad_per_travel).map_err(EngineError::ValveArea)
+            let table = Table::read(text, [travel, column])?;
+            opening_rows(&table, |[_, value]| area_m2(value), rad_per_travel)
         };
         let (measure, rows) = if has("area_analytic_mm2") {
             ("area", of_column("area_analytic_mm2", &|mm2| mm2 * 1e-6)?) // mm² -> m²
@@ -155,18 +165,17 @@ impl ValveArea {
                 let message = "missing: the area file counts pixels, which need the fully open area";
                 return Err(Invalid::new("feed.valve.open_area_m2", message).into());
             };
-            let table = Table::read(text, [travel, "pixels"]).map_err(EngineError::ValveArea)?;
+            let table = Table::read(text, [travel, "pixels"])?;
             let most = table.rows[table.rows.len() - 1].1[1];
             ("pixels", of_column("pixels", &|count| open_m2 * count / most)?)
         } else if has("cv") {
             ("Cv", of_column("cv", &|cv| cv * AREA_PER_CV_M2 * per_flow_area)?)
         } else if has("water_kg_s") && has("drop_pa") {
-            let table =
-                Table::read(text, [travel, "water_kg_s", "drop_pa"]).map_err(EngineError::ValveArea)?;
-            table.require(2, "must be positive", |pa| pa > 0.0).map_err(EngineError::ValveArea)?;
+            let table = Table::read(text, [travel, "water_kg_s", "drop_pa"])?;
+            table.require(2, "must be positive", |pa| pa > 0.0)?;
             let area =
                 |[_, flow, drop_pa]: [f64; 3]| per_flow_area * flow / (2.0 * WATER_KG_M3 * drop_pa).sqrt();
-            ("water flow", opening(&table, area, rad_per_travel).map_err(EngineError::ValveArea)?)
+            ("water flow", opening_rows(&table, area, rad_per_travel)?)
         } else {
             return Err(missing("area_mm2`, `pixels`, `cv` or `water_kg_s` with `drop_pa"));
         };
@@ -257,7 +266,7 @@ impl ValveArea {
 
 /// Angle (rad) and root of the area (m) of each row: from shut, strictly rising. Leading rows of a valve
 /// that is still shut become one.
-fn opening<const N: usize>(
+fn opening_rows<const N: usize>(
     table: &Table<N>,
     area_m2: impl Fn([f64; N]) -> f64,
     rad_per_travel: f64,
