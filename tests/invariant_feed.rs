@@ -386,7 +386,7 @@ proptest! {
             vehicle.feed.injector.single_phase = hopbench::propulsion::SinglePhase::Choked;
         }
         let engine = engine_of(&vehicle);
-        if !engine.feed_stores() {
+        if !engine.feed_has_state() {
             return Ok(());
         }
         let mut fed = Fed::at_rest(&engine, engine.feed_map(tank_pa, tank_k));

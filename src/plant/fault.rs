@@ -13,7 +13,7 @@ use super::{Evaluation, Plant, State};
 use crate::actuator::{Servo, StrokeValve};
 use crate::fault::PlantEffect;
 use crate::fault::plant::{ServoEffect, ThrusterEffect};
-use crate::propulsion::{Damage, PairLevels, Stores, Surge};
+use crate::propulsion::{Damage, PairLevels, PressureSpike, Stores};
 use crate::vehicle::GasModel;
 
 /// Faults that act, and what they have left behind.
@@ -29,7 +29,7 @@ pub(super) struct FaultState {
     shut_in_kg: f64,
     /// Oxidiser that waits in the cold chamber for a flame (kg).
     pool_kg: f64,
-    pub(super) surge: Surge,
+    pub(super) surge: PressureSpike,
 }
 
 impl FaultState {
@@ -42,7 +42,7 @@ impl FaultState {
             sag_pa: 0.0,
             shut_in_kg: 0.0,
             pool_kg: 0.0,
-            surge: Surge::NONE,
+            surge: PressureSpike::NONE,
         }
     }
 

@@ -9,7 +9,7 @@ use crate::propulsion::{EngineCondition, Feed, FeedInput, FeedPoint, FeedState, 
 impl Plant {
     /// Whether the feed system has a state; the seed paper's has none.
     pub(super) fn feed_stores(&self) -> bool {
-        self.paper.is_none() && self.vehicle.engine.feed_stores()
+        self.paper.is_none() && self.vehicle.engine.feed_has_state()
     }
 
     /// The feed of the tank as it is in a state.

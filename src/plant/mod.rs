@@ -38,8 +38,8 @@ use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
 use crate::propulsion::{
-    FeedGrid, FeedInput, Flame, GasState, ImplicitMethod, Modulator, NitrogenState, OperatingPoint,
-    PairLevels, Triangle, WarmStart,
+    FeedGrid, FeedInput, Flame, GasState, GridTriangle, ImplicitMethod, Modulator, NitrogenState,
+    OperatingPoint, PairLevels, WarmStart,
 };
 use crate::scenario::{IntegratorKind, Scenario};
 use crate::sensor::Truth;
@@ -114,7 +114,7 @@ struct Inputs {
     regulator_sag_pa: f64,
     surge_pa: f64,
     head_pa: f64,
-    feed_triangle: Triangle,
+    feed_triangle: GridTriangle,
     valve_command_rad: f64,
     gimbal_command_rad: Vector2<f64>,
     isolation: f64,

@@ -16,7 +16,7 @@ use crate::interpolate::Anchor;
 pub(super) const UNIVERSAL_GAS: f64 = 8.314_462_618;
 /// Passes of the fixed point in Pc; each gains two to three digits, four are usual.
 const PASSES: usize = 12;
-/// No perfect gas chokes above this Pc/pa: ((γ+1)/2)^(γ/(γ-1)) at γ = 1.67 is 2.054.
+/// Above this Pc/pa the throat of every perfect gas is choked: ((γ+1)/2)^(γ/(γ-1)) at γ = 1.67 is 2.054.
 const SURELY_CHOKED: f64 = 2.1;
 
 /// Combustion chamber: the `[engine.chamber]` table.
@@ -63,9 +63,9 @@ pub struct ChamberGasRate {
 
 /// Gas that does not burn, from the measured c* of cold flow.
 #[derive(Clone, Copy, Debug)]
-pub struct ColdGas {
+pub(super) struct ColdGas {
     /// Characteristic velocity (m/s).
-    pub c_star_m_s: f64,
+    pub(super) c_star_m_s: f64,
 }
 
 /// Isentropic exponent of warm nitrous oxide vapour.
@@ -73,7 +73,7 @@ const COLD_GAMMA: f64 = 1.28;
 
 impl ColdGas {
     /// R T (J/kg) that belongs to c*: c* = sqrt(R T)/Γ, Γ² = γ (2/(γ+1))^((γ+1)/(γ-1)).
-    pub fn gas_constant_temperature_j_kg(&self) -> f64 {
+    pub(super) fn gas_constant_temperature_j_kg(&self) -> f64 {
         let g = COLD_GAMMA;
         let vandenkerckhove2 = g * libm::pow(2.0 / (g + 1.0), (g + 1.0) / (g - 1.0));
         self.c_star_m_s * self.c_star_m_s * vandenkerckhove2
@@ -84,7 +84,7 @@ impl ColdGas {
 ///
 /// `warm_start` is a pressure near the answer, and becomes the answer.
 #[inline]
-pub fn steady_pressure(
+pub(super) fn steady_pressure(
     map: &CombustionMap,
     mixture: &Mixture<'_>,
     choked_per_c_star: f64,
@@ -157,31 +157,31 @@ fn steady_pressure_near_ambient(
 
 /// Pressure of the gas in a chamber, and what it drives through the nozzle.
 #[derive(Clone, Copy, Debug)]
-pub struct ChamberOutflow {
+pub(super) struct ChamberOutflow {
     /// Chamber pressure (Pa).
-    pub pressure: ChamberPressure,
+    pub(super) pressure: ChamberPressure,
     /// Flow through the nozzle (kg/s).
-    pub nozzle_kg_s: f64,
+    pub(super) nozzle_kg_s: f64,
 }
 
 /// Geometry and efficiency that the filling model needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Vessel {
+pub(super) struct Vessel {
     /// Volume of gas (m³).
-    pub volume_m3: f64,
+    pub(super) volume_m3: f64,
     /// Efficiency of c*.
-    pub c_star_efficiency: f64,
+    pub(super) c_star_efficiency: f64,
     /// Discharge coefficient of the throat.
-    pub discharge_coefficient: f64,
+    pub(super) discharge_coefficient: f64,
     /// Share of the gas that burns, 0..1.
-    pub burning_fraction: f64,
-    /// The rest.
-    pub cold: ColdGas,
+    pub(super) burning_fraction: f64,
+    /// Gas that does not burn.
+    pub(super) cold: ColdGas,
 }
 
-/// Pressure and outflow of a mass of gas in the chamber: P = m R T/V with the flame temperature times η², and the nozzle's
-/// flow at that pressure, zero at ambient pressure.
-pub fn filling_pressure(
+/// Pressure and outflow of a mass of gas in the chamber: P = m R T/V with the flame temperature times η², and the
+/// nozzle's flow at that pressure, zero at ambient pressure.
+pub(super) fn filling_pressure(
     map: &CombustionMap,
     mixture: &Mixture<'_>,
     gas_kg: f64,

@@ -20,7 +20,7 @@ pub struct Manifold {
     pub quasi_steady_below_s: f64,
 }
 
-/// How the pressure between valve and injector comes about.
+/// Whether the pressure between valve and injector is a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ManifoldModel {
@@ -89,7 +89,7 @@ pub struct Isolation {
 }
 
 impl Isolation {
-    /// Area of the throttle valve that is left behind this valve, `opened` 0..1 (m²): the lesser of both.
+    /// Open area of throttle valve and isolation valve in series (m²), the latter open by `opened`, 0..1: the lesser.
     pub fn limited_area_m2(&self, throttle_area_m2: f64, opened: f64) -> f64 {
         throttle_area_m2.min(self.area_m2 * opened.clamp(0.0, 1.0))
     }

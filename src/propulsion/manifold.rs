@@ -1,18 +1,17 @@
-//! What the feed system stores: oxidiser between valve and injector, momentum of the liquid before the valve,
-//! fuel on its way off the grain.
+//! What the feed system stores: oxidiser between valve and injector, and momentum of the liquid before the valve.
 //!
 //! Content m of the manifold and flow w of the line obey
 //! `dm/dt = w - ṁ_injector` and `L/A dw/dt = P1 + ρ g h - P2 - ΔP_valve(w)`,
 //! P2 follows from m by `ρ(P2, h1) = m/V`: the valve throttles, and what is stored keeps the tank's enthalpy.
 //! While it boils, dρ/dP is some hundred times the liquid's, and filling the 25 mL of the reference vehicle
-//! takes 30 to 50 ms; the lag `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)` falls to 1 ms and less where the
-//! flow is liquid. Without a line w is the valve's steady flow; with one, `ΔP_valve = (P1 - P2) (w/w_steady)²`:
+//! takes 30 to 50 ms; the lag of P2, `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`, falls to 1 ms and less where
+//! the flow is liquid. Without a line w is the valve's steady flow; with one, `ΔP_valve = (P1 - P2) (w/w_steady)²`:
 //! exact for liquid, a quadratic through the steady flow of the flashing valve otherwise. A column that would
 //! flow back stops: w ≥ 0, and the injector passes nothing against the pressure.
 //!
-//! Stiff, so implicit: from the beginning of the plant's step to each instant within it at which the step
-//! looks, by SDIRK2, the L-stable method of two stages and second order of Alexander (SIAM J. Numer. Anal.
-//! 14, 1977), γ = 1 - 1/√2. Each stage is the root in P2 of the steady engine with one term more, what the manifold takes
+//! Stiff, so implicit: from the beginning of the plant's step to each instant of it at which the rate is evaluated,
+//! by SDIRK2, the L-stable method of two stages and second order of Alexander (SIAM J. Numer. Anal. 14, 1977),
+//! γ = 1 - 1/√2. Each stage is the root in P2 of the steady engine with one term more, what the manifold takes
 //! up; so it tends to the steady engine when the volume or the lag vanishes. One step errs by
 //! `(4 - 3√2)/6·z³ = -0.040 z³` of a deviation, z = step/lag: 1 ms at 40 ms makes 6e-7 a step. Where the lag is
 //! below a limit, one stage is enough (backward Euler, z²/2): its error lasts a step or two.
@@ -35,7 +34,7 @@ const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
 /// (1 - γ)/γ: share of the first stage's gain in the second stage's start.
 const SECOND_STAGE_SHARE: f64 = 1.0 + core::f64::consts::SQRT_2;
 
-/// Accuracy of P2 in a stage, of the tank's pressure: 65 µPa; boiling content to 1e-12 kg.
+/// Accuracy of P2 in a stage, relative to the tank's pressure: 65 µPa; boiling content to 1e-12 kg.
 const STAGE_TOLERANCE: f64 = 1e-2 * INLET_TOLERANCE;
 /// Accuracy of a flow through the injector at a given P2 (kg/s).
 const FLOW_TOLERANCE_KG_S: f64 = 1e-11;
@@ -43,7 +42,7 @@ const FLOW_TOLERANCE_KG_S: f64 = 1e-11;
 /// than this share: 0.1 Pa.
 const AT_REST: f64 = 1e-6;
 
-/// One implicit equation: `m = from + span (w - ṁ_injector)`, and the same for the line.
+/// One implicit equation: `m = m_from + span (w - ṁ_injector)`, and the same for the line.
 #[derive(Clone, Copy, Debug)]
 struct Stage {
     span_s: f64,
@@ -66,7 +65,7 @@ struct StageSolution<'a> {
 
 impl Engine {
     /// Whether the feed system has a state; without one [`Engine::operating_point`] is all there is.
-    pub fn feed_stores(&self) -> bool {
+    pub fn feed_has_state(&self) -> bool {
         self.stores.volume_m3 > 0.0 || self.stores.inertance_1_m > 0.0 || self.stores.head_m.is_some()
     }
 
@@ -83,14 +82,14 @@ impl Engine {
         self.stores.head_m.map_or(0.0, weight)
     }
 
-    /// The feed system at rest: vapour at a pressure (Pa).
+    /// The feed system at rest: vapour at a pressure (Pa) fills the manifold.
     pub fn feed_at_rest<'f>(&self, feed: impl Into<Feed<'f>>, pressure_pa: f64) -> FeedState {
         let feed = &feed.into();
         let density_kg_m3 = feed.inlet(pressure_pa.max(Nitrous::LEAST_PA)).state.density_kg_m3;
         FeedState { manifold_kg: self.stores.volume_m3 * density_kg_m3, line_kg_s: 0.0 }
     }
 
-    /// The feed system that keeps a steady point.
+    /// The feed system in the steady state of an operating point.
     pub fn feed_steady<'f>(&self, feed: impl Into<Feed<'f>>, point: &OperatingPoint) -> FeedState {
         let feed = &feed.into();
         let rest = self.feed_at_rest(feed, point.injector_inlet_pa);
@@ -98,7 +97,7 @@ impl Engine {
         FeedState { line_kg_s, ..rest }
     }
 
-    /// Lag of P2 (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`.
+    /// Lag of P2, its time constant (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`.
     pub fn manifold_lag_s<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
@@ -132,7 +131,7 @@ impl Engine {
         if stiff { ImplicitMethod::BackwardEuler } else { ImplicitMethod::Sdirk2 }
     }
 
-    /// The engine some time after a step began; `now` is what drives it then.
+    /// Engine and feed system some time after a step began; `now` is what drives them then.
     pub fn feed_point<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
@@ -201,7 +200,7 @@ impl Engine {
         let from = step.from;
         let whole = Stage { span_s: elapsed_s, from };
         if step.method == ImplicitMethod::BackwardEuler {
-            return self.solve(feed, now, &whole, (at_condition, filled), warm_start);
+            return self.solve_stage(feed, now, &whole, (at_condition, filled), warm_start);
         }
         let span_s = GAMMA * elapsed_s;
         let between = step.start.interpolated(now, GAMMA);
@@ -211,24 +210,25 @@ impl Engine {
             let filled =
                 between.condition.chamber_gas.map(|gas| at_condition.filled_chamber(gas, &mut chamber));
             let stage = Stage { span_s, ..whole };
-            let solved = self.solve(feed, &between, &stage, (&at_condition, filled.as_ref()), warm_start);
+            let solved =
+                self.solve_stage(feed, &between, &stage, (&at_condition, filled.as_ref()), warm_start);
             (solved.state, solved.injected_kg_s > 0.0, solved.slope_kg_s_pa, solved.status)
         };
         let (gained, flows, slope_kg_s_pa, status) = first;
         if status == RootStatus::Solved {
             let stage = Stage { span_s, from: from.extrapolated(&gained, SECOND_STAGE_SHARE) };
             let warm_start = WarmStart { slope_kg_s_pa, ..warm_start };
-            let second = self.solve(feed, now, &stage, (at_condition, filled), warm_start);
+            let second = self.solve_stage(feed, now, &stage, (at_condition, filled), warm_start);
             if second.status == RootStatus::Solved && (second.injected_kg_s > 0.0 || !flows) {
                 return second;
             }
         }
-        // The second stage left what a manifold can hold, or went past the end of its flow: backward Euler does neither.
-        self.solve(feed, now, &whole, (at_condition, filled), warm_start)
+        // The second stage left what a manifold can hold, or passed the end of its flow: backward Euler does neither.
+        self.solve_stage(feed, now, &whole, (at_condition, filled), warm_start)
     }
 
     /// One implicit equation: the root in P2 of the steady engine, less what the manifold takes up.
-    fn solve<'a>(
+    fn solve_stage<'a>(
         &'a self,
         feed: &Feed<'_>,
         input: &FeedInput,
@@ -355,7 +355,7 @@ impl Engine {
             // Nothing is stored: the injector passes what the line brings, or without inertia the steady flow.
             let stage = Stage { span_s: f64::INFINITY, from };
             if !has_line {
-                return self.solve(feed, now, &stage, (at_condition, filled), warm_start);
+                return self.solve_stage(feed, now, &stage, (at_condition, filled), warm_start);
             }
             let mut chamber = warm_start.chamber;
             let passed_kg_s = from.line_kg_s.min(now.condition.oxidizer_flow_limit_kg_s).max(0.0);

@@ -53,19 +53,19 @@ pub use chamber::{Chamber, ChamberGas, ChamberGasRate, ChamberModel};
 pub use combustion::{CombustionMap, Map};
 pub use engine::{Engine, EngineError, EngineTexts};
 pub use feed::{Isolation, Line, Manifold, ManifoldModel, Vent, VentedGas};
-pub use feed_grid::{Feed, FeedGrid, Triangle};
+pub use feed_grid::{Feed, FeedGrid, GridTriangle};
 pub use feed_map::{FeedMap, Inlet};
 pub use feed_state::{FeedInput, FeedPoint, FeedState, FeedStep, ImplicitMethod};
-pub use gas_balance::{GasBalance, GasState, GasView, Stores, StoresRate, Withdrawal};
+pub use gas_balance::{GasBalance, GasProperties, GasState, Stores, StoresRate, Withdrawal};
 pub use grain::Grain;
-pub use hard_start::Surge;
+pub use hard_start::PressureSpike;
 pub use ignition::{BelowMinimum, Depletion, DepletionModel, Flame, FlameConditions, Ignition};
 pub use injector::{Injector, SinglePhase};
 pub use inverse::Inverse;
 pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
 pub use operating_point::{ChamberWarmStart, Damage, EngineCondition, OperatingPoint, WarmStart};
 pub use outlet::{GasIngestion, Outlet};
-pub use paper::{Candidate, PaperEngine};
+pub use paper::{PaperEngine, SweepPoint};
 pub use parameters::{EngineParameters, FeedParameters, PaperMode};
 pub use pressurant::{
     Bottle, BottleModel, NitrogenInventory, NitrogenState, Pressurant, PressurantGas, Regulator,

@@ -13,8 +13,9 @@
 //! | 5 | lacks N^(1-n) | fuel of Eqs 4 and 6 over the step, for any N |
 //! | 6, 7 | called fuel left, are fuel burnt | burnt |
 //! | 10 | no g₀ | g₀ Isp, no efficiency unless `specific_impulse_efficiency` says so |
-//! | 10, 11 | polynomials not given | least squares through the vehicle's own map at its reference pressure; Isp at sea level |
-//! | 14 | κ not given; valve and injector isenthalpic, which makes the equilibrium flux zero | κ² = (P2 - P3)/(Pv - P3); isentropic in the injector; the equilibrium flux at P3, not choked |
+//! | 10, 11 | polynomials not given | least squares through the vehicle's map at its reference pressure |
+//! | 14 | κ not given | κ² = (P2 - P3)/(Pv - P3) |
+//! | 14 | injector isenthalpic: no equilibrium flux | isentropic: equilibrium flux at P3, not choked |
 //! | 16 | Φ "using pressure drop" | √(2 ρ₁ (P1 - P2)) |
 //!
 //! The sea-level Isp has no knowledge of chamber pressure, separation or an unchoked throat: thrust goes to zero with
@@ -24,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::engine::Engine;
 use super::feed_grid::Feed;
-use super::feed_map::throttled;
+use super::feed_map::throttled_state;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
@@ -52,9 +53,9 @@ pub struct PaperEngine {
     c_star_m_s: Polynomial,
 }
 
-/// One flow of the sweep, all of it burning.
+/// One candidate flow of the sweep, all of it burning.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Candidate {
+pub struct SweepPoint {
     /// Oxidiser (kg/s).
     pub oxidizer_kg_s: f64,
     /// Fuel, mean over the step (kg/s).
@@ -107,8 +108,13 @@ impl PaperEngine {
         least + (most - least) * f64::from(point) / f64::from(self.points - 1)
     }
 
-    /// What an oxidiser flow does within a step, Eqs 4, 6, 9, 10, 11.
-    pub fn candidate(&self, engine: &Engine, condition: &EngineCondition, oxidizer_kg_s: f64) -> Candidate {
+    /// One candidate: what an oxidiser flow gives within a step, Eqs 4, 6, 9, 10, 11.
+    pub fn sweep_point(
+        &self,
+        engine: &Engine,
+        condition: &EngineCondition,
+        oxidizer_kg_s: f64,
+    ) -> SweepPoint {
         let grain = engine.grain();
         let radius_m = condition.port_radius_m.min(grain.burn_through_radius_m());
         let grown_m = grain.port_radius_after_m(radius_m, oxidizer_kg_s, self.step_s);
@@ -119,7 +125,7 @@ impl PaperEngine {
         let isp_s = left * self.isp_efficiency * self.isp_s.at(of_ratio);
         let pressure_pa = total_kg_s * self.c_star_m_s.at(of_ratio) * (left * self.c_star_efficiency)
             / engine.thrust_chamber.open_throat_m2(condition);
-        Candidate {
+        SweepPoint {
             oxidizer_kg_s,
             fuel_kg_s,
             port_radius_m: grown_m,
@@ -130,15 +136,15 @@ impl PaperEngine {
     }
 
     /// The sweep of Eq 8: the candidate whose thrust is nearest to the demand.
-    pub fn sweep(&self, engine: &Engine, condition: &EngineCondition, thrust_n: f64) -> Candidate {
-        let candidate = |point| self.candidate(engine, condition, self.flow_kg_s(point));
-        let miss = |c: &Candidate| (c.thrust_n - thrust_n).abs();
+    pub fn sweep(&self, engine: &Engine, condition: &EngineCondition, thrust_n: f64) -> SweepPoint {
+        let candidate = |point| self.sweep_point(engine, condition, self.flow_kg_s(point));
+        let miss = |c: &SweepPoint| (c.thrust_n - thrust_n).abs();
         (1..self.points)
             .map(candidate)
             .fold(candidate(0), |best, next| if miss(&next) < miss(&best) { next } else { best })
     }
 
-    /// P2 (Pa) and vapour share behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None` when
+    /// P2 (Pa) and quality behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None` when
     /// the injector cannot pass it at the tank's pressure.
     pub fn inlet<'f>(
         &self,
@@ -150,9 +156,12 @@ impl PaperEngine {
         let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
         let injector_m2 = engine.injector_m2(condition);
+        let behind_valve = |inlet_pa: f64| {
+            let flashing = inlet_pa < feed.flash_pa();
+            throttled_state(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, flashing)
+        };
         let excess_kg_s = |inlet_pa: f64| {
-            let (state, _) =
-                throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa());
+            let (state, _) = behind_valve(inlet_pa);
             let pressures = OrificePressures {
                 upstream_pa: inlet_pa,
                 downstream_pa: chamber_pa,
@@ -174,10 +183,7 @@ impl PaperEngine {
             tolerance: INLET_TOLERANCE_PA,
         };
         let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
-        Some((
-            inlet_pa,
-            throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa()).1,
-        ))
+        Some((inlet_pa, behind_valve(inlet_pa).1))
     }
 
     /// Valve area (m²) that passes a flow at P2, Eq 16.
@@ -194,7 +200,7 @@ impl PaperEngine {
         oxidizer_kg_s / (engine.valve_discharge_coefficient * flux)
     }
 
-    /// The forward answer: what the candidate does whose valve area is nearest to the one that is open.
+    /// The forward answer: the candidate whose valve area is nearest to the one that is open.
     pub fn operating_point<'f>(
         &self,
         engine: &Engine,
@@ -210,7 +216,7 @@ impl PaperEngine {
         }
         let area = |point: u32| {
             let flow_kg_s = self.flow_kg_s(point);
-            let chamber_pa = self.mixed(engine, condition, flow_kg_s).chamber_pa;
+            let chamber_pa = self.partly_burning(engine, condition, flow_kg_s).chamber_pa;
             self.inlet(engine, feed, condition, (flow_kg_s, chamber_pa))
                 .map_or(f64::INFINITY, |(inlet_pa, _)| self.valve_area_m2(engine, feed, flow_kg_s, inlet_pa))
         };
@@ -220,26 +226,26 @@ impl PaperEngine {
             let middle = below + (above - below) / 2;
             if area(middle) <= valve_area_m2 { below = middle } else { above = middle }
         }
-        let point = if valve_area_m2 - area(below) <= area(above) - valve_area_m2 { below } else { above };
-        let mixed = self.mixed(engine, condition, self.flow_kg_s(point).min(limit_kg_s));
-        let total_kg_s = mixed.oxidizer_kg_s + mixed.fuel_kg_s;
-        let inlet = self.inlet(engine, feed, condition, (mixed.oxidizer_kg_s, mixed.chamber_pa));
+        let nearest = if valve_area_m2 - area(below) <= area(above) - valve_area_m2 { below } else { above };
+        let point = self.partly_burning(engine, condition, self.flow_kg_s(nearest).min(limit_kg_s));
+        let total_kg_s = point.oxidizer_kg_s + point.fuel_kg_s;
+        let inlet = self.inlet(engine, feed, condition, (point.oxidizer_kg_s, point.chamber_pa));
         let (injector_inlet_pa, quality) = inlet.unwrap_or((feed.tank().pressure_pa, 0.0));
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         OperatingPoint {
-            oxidizer_kg_s: mixed.oxidizer_kg_s,
-            tank_kg_s: mixed.oxidizer_kg_s,
-            fuel_kg_s: mixed.fuel_kg_s,
-            steady_fuel_kg_s: mixed.fuel_kg_s,
+            oxidizer_kg_s: point.oxidizer_kg_s,
+            tank_kg_s: point.oxidizer_kg_s,
+            fuel_kg_s: point.fuel_kg_s,
+            steady_fuel_kg_s: point.fuel_kg_s,
             nozzle_kg_s: total_kg_s,
-            of_ratio: if mixed.fuel_kg_s > 0.0 { mixed.oxidizer_kg_s / mixed.fuel_kg_s } else { 0.0 },
-            chamber_pa: mixed.chamber_pa,
+            of_ratio: if point.fuel_kg_s > 0.0 { point.oxidizer_kg_s / point.fuel_kg_s } else { 0.0 },
+            chamber_pa: point.chamber_pa,
             injector_inlet_pa,
             quality,
-            thrust_n: mixed.thrust_n,
-            isp_s: mixed.thrust_n / (STANDARD_GRAVITY_M_S2 * total_kg_s),
-            regression_rate_m_s: (mixed.port_radius_m - radius_m) / self.step_s,
-            throat_erosion_m_s: engine.thrust_chamber.erosion_m_s(condition, mixed.chamber_pa),
+            thrust_n: point.thrust_n,
+            isp_s: point.thrust_n / (STANDARD_GRAVITY_M_S2 * total_kg_s),
+            regression_rate_m_s: (point.port_radius_m - radius_m) / self.step_s,
+            throat_erosion_m_s: engine.thrust_chamber.erosion_m_s(condition, point.chamber_pa),
             nozzle_flow: NozzleFlow::Full,
             solved: inlet.is_some(),
             ..OperatingPoint::no_flow(ambient_pa, WarmStart::default())
@@ -269,16 +275,16 @@ impl PaperEngine {
         Inverse { valve_rad, valve_area_m2, point, saturated: end || area_m2 > open_m2 }
     }
 
-    /// A flow of which some burns and the rest blows through cold: no part of the paper, which has no ignition.
-    fn mixed(&self, engine: &Engine, condition: &EngineCondition, oxidizer_kg_s: f64) -> Candidate {
-        let hot = self.candidate(engine, condition, oxidizer_kg_s);
+    /// A flow of which some burns and the rest passes cold: no part of the paper, which has no ignition.
+    fn partly_burning(&self, engine: &Engine, condition: &EngineCondition, oxidizer_kg_s: f64) -> SweepPoint {
+        let hot = self.sweep_point(engine, condition, oxidizer_kg_s);
         let f = condition.burning_fraction.clamp(0.0, 1.0);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.cold_isp_s * oxidizer_kg_s;
         let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s
             / engine.thrust_chamber.open_throat_m2(condition))
         .max(condition.ambient_pa);
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
-        Candidate {
+        SweepPoint {
             fuel_kg_s: f * hot.fuel_kg_s,
             port_radius_m: radius_m + f * (hot.port_radius_m - radius_m),
             thrust_n: f * hot.thrust_n + (1.0 - f) * cold_n,

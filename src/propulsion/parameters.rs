@@ -73,11 +73,13 @@ pub struct PaperMode {
     #[serde(default = "polynomial_degree")]
     #[schemars(range(min = 1, max = 12))]
     pub polynomial_degree: u32,
-    /// O/F between which they are fitted, rising and at least 0.25 of it inside the map's own range; held at the ends beyond.
+    /// O/F between which they are fitted, rising, at least 0.25 of it inside the map's own range; held at the ends
+    /// beyond.
     #[serde(default = "polynomial_of_range")]
     #[schemars(inner(range(min = 0.1, max = 40.0)))]
     pub polynomial_of_range: [f64; 2],
-    /// Factor on the ideal sea-level Isp of Eq 10: 1 as in the print; `c_star_efficiency` times `thrust_efficiency` makes thrust and chamber pressure agree.
+    /// Factor on the ideal sea-level Isp of Eq 10: 1 as in the print; `c_star_efficiency` times `thrust_efficiency`
+    /// makes thrust and chamber pressure agree.
     #[serde(default = "one")]
     #[schemars(range(min = 0.5, max = 1.0))]
     pub specific_impulse_efficiency: f64,

@@ -1,9 +1,9 @@
 //! The thrust chamber, from the injector's face to the nozzle's exit: oxidiser flow in, pressure and thrust out.
 //!
-//! Grain, combustion chamber and nozzle as one. The oxidiser flow sets the fuel flow, both the mixture, and the mixture
-//! the chamber pressure and the thrust ([`ThrustChamberAtCondition::steady_point`]). Where the chamber's gas is a state,
-//! pressure and thrust follow from it instead, and the flow from its rate ([`ThrustChamberAtCondition::filling_point`]).
-//! Of a flow that burns in part, the rest passes cold: pressures and thrusts are weighed by the burning fraction.
+//! Grain, combustion chamber and nozzle as one. In a steady chamber the oxidiser flow sets the fuel flow, both set the
+//! mixture, and the mixture sets pressure and thrust. Where the chamber's gas is a state, pressure, thrust and nozzle
+//! flow follow from that gas, and the oxidiser flow changes it. Where only a share of the flow burns, the rest passes
+//! cold: pressure and thrust of both are weighed by the burning fraction.
 //!
 //! Source: the seed paper's Eqs 5, 8, 10, 11; each part names its own.
 

@@ -6,11 +6,11 @@
 //! |---|---|---|
 //! | `area_analytic_mm2` or `area_mm2` | open area | itself |
 //! | `pixels` | pixels of the opening in a picture | share of the last row's count, times `open_area_m2` |
-//! | `cv` | flow coefficient, US gallons of water a minute at 1 psi | Cv 1 is 16.98 mm² of C_d A, over `discharge_coefficient` |
-//! | `water_kg_s`, `drop_pa` | flow of water and the valve's pressure drop | C_d A = ṁ/√(2 ρ Δp), over `discharge_coefficient` |
+//! | `cv` | flow coefficient, US gallons of water a minute at 1 psi | C_d A of 16.98 mm² per Cv, over C_d |
+//! | `water_kg_s`, `drop_pa` | flow of water and the valve's pressure drop | C_d A = ṁ/√(2 ρ Δp), over C_d |
 //!
-//! Cv and water flow give C_d A: with the discharge coefficient in force they give back the flow measured,
-//! whatever that coefficient is. Source of Cv: ISA-75.01.01 (IEC 60534-2-1), water at 60 °F.
+//! C_d is `discharge_coefficient`. Cv and water flow give C_d A: divided and multiplied by the same coefficient they
+//! give back the flow measured, whatever it is. Source of Cv: ISA-75.01.01 (IEC 60534-2-1), water at 60 °F.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,8 @@ const WATER_KG_M3: f64 = 998.2;
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Valve {
-    /// Table of the opening against the angle, beside the vehicle file: `theta_deg` or `percent_open`, and one of `area_analytic_mm2`, `area_mm2`, `pixels`, `cv`, or `water_kg_s` with `drop_pa`.
+    /// Table of the opening against the angle, beside the vehicle file: `theta_deg` or `percent_open`, and one of
+    /// `area_analytic_mm2`, `area_mm2`, `pixels`, `cv`, or `water_kg_s` with `drop_pa`.
     pub area_file: String,
     /// Fully open area (m²); only where the table counts pixels.
     #[serde(default)]
@@ -102,7 +103,7 @@ pub enum ValveAreaError {
     Parameter(#[from] Invalid),
 }
 
-/// How good a valve's table is.
+/// How well a valve's table inverts, and how well its rows agree.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ValveMapCheck {
     /// What the table holds: "area", "pixels", "Cv" or "water flow".
@@ -204,7 +205,7 @@ impl ValveArea {
         (angle_rad, self.area_m2(angle_rad))
     }
 
-    /// How well the curve is inverted, and which row fits the others least.
+    /// Checks the table: the error of the inverse, and the row that fits the others least.
     pub fn check(&self) -> ValveMapCheck {
         const SAMPLES: u32 = 5000;
         let (shut_rad, open_rad) = self.root_area_m.span();
