@@ -214,9 +214,9 @@ impl Engine {
                 self.solve_stage(feed, &between, &stage, (&at_condition, filled.as_ref()), warm_start);
             (solved.state, solved.injected_kg_s > 0.0, solved.slope_kg_s_pa, solved.status)
         };
-        let (gained, flows, slope_kg_s_pa, status) = first;
+        let (first_state, flows, slope_kg_s_pa, status) = first;
         if status == RootStatus::Solved {
-            let stage = Stage { span_s, from: from.extrapolated(&gained, SECOND_STAGE_SHARE) };
+            let stage = Stage { span_s, from: from.extrapolated(&first_state, SECOND_STAGE_SHARE) };
             let warm_start = WarmStart { slope_kg_s_pa, ..warm_start };
             let second = self.solve_stage(feed, now, &stage, (at_condition, filled), warm_start);
             if second.status == RootStatus::Solved && (second.injected_kg_s > 0.0 || !flows) {

@@ -3,12 +3,15 @@
 //! [`Engine`] is the whole as one function of plain values. Forward, [`Engine::operating_point`]: given the
 //! valve's area and the tank ([`FeedMap`]), one bracketed root in the pressure P2 between valve and injector
 //! gives flow, chamber pressure and thrust. Backward, [`Engine::inverse`]: thrust → flow → chamber
-//! pressure → P2 → area → angle. [`PaperEngine`] is the seed paper's own way to the same, kept for comparison.
+//! pressure → P2 → area → angle. Where the feed system stores, [`Engine::feed_point`] takes the place of the forward
+//! problem. [`PaperEngine`] is the seed paper's own way to the same, kept for comparison.
+//!
+//! Modules stand in dependency order; a module imports only from above itself.
 //!
 //! Source: the seed paper, "Analytical Modeling of Oxidizer Motion and Fuel Regression in Hybrid Rockets for
 //! In-Flight Mass Evolution", Eqs 1 to 16, with its errata set right; each part names its own sources.
 
-// What flows and burns, by itself: gas, orifices, grain, products of combustion, nozzle.
+// Single parts and laws: combustion products, orifices, grain, flame, nozzle.
 mod combustion;
 mod gas_orifice;
 mod grain;
@@ -16,7 +19,7 @@ mod ignition;
 mod injector;
 mod nozzle;
 
-// Parts made of these.
+// Parts that use these.
 mod chamber;
 mod outlet;
 mod reaction_control;
@@ -34,7 +37,7 @@ mod feed_map;
 
 mod feed_grid;
 
-// The engine, from plain values through its thrust chamber to the whole.
+// The engine: its parameters and values, its thrust chamber, the whole.
 mod operating_point;
 mod parameters;
 mod thrust_chamber;
@@ -42,11 +45,12 @@ mod thrust_chamber;
 mod engine;
 mod feed_state;
 
-// What is asked of it beside the operating point.
+// What else is asked of it: hard start, inverse problem, a feed system that stores.
 mod hard_start;
 mod inverse;
 mod manifold;
 
+// The seed paper's engine.
 mod paper;
 
 pub use chamber::{Chamber, ChamberGas, ChamberGasRate, ChamberModel};
