@@ -174,10 +174,10 @@ fn bounded(log_pressure: f64) -> f64 {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub fn reference() -> CombustionMap {
+    fn reference() -> CombustionMap {
         CombustionMap::read(include_str!("../../scenarios/vehicles/cea_reference_fit.csv"), 20e5).unwrap()
     }
 

@@ -149,10 +149,10 @@ impl Grain {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub fn reference(port_count: u32) -> Grain {
+    fn reference(port_count: u32) -> Grain {
         Grain {
             regression_coefficient_si: 1.05e-4,
             regression_exponent: 0.55,

@@ -155,10 +155,10 @@ impl Ignition {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub fn reference() -> Ignition {
+    fn reference() -> Ignition {
         Ignition {
             igniter_delay_s: 0.3,
             igniter_burn_s: 2.0,
