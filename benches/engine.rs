@@ -43,14 +43,14 @@ fn main() {
     let condition = EngineCondition::burning(0.035, 0.010, 101_325.0);
     for degrees in [8.0f64, 15.0, 21.0, 25.0, 28.9] {
         let area = engine.valve_area().area_m2(degrees.to_radians());
-        let mut guess = engine.operating_point(&feed, area, &condition, WarmStart::default()).guess;
+        let mut guess = engine.operating_point(&feed, area, &condition, WarmStart::default()).warm_start;
         let warm = ns_per_call(400, |i| {
             // The valve moves by 0.01 % between calls, as within a step of a brisk throttle.
             let area = area * (1.0 + 1e-4 * f64::from(i % 3));
-            guess = engine.operating_point(&feed, black_box(area), &condition, guess).guess;
+            guess = engine.operating_point(&feed, black_box(area), &condition, guess).warm_start;
         });
         let still = ns_per_call(400, |_| {
-            guess = engine.operating_point(&feed, black_box(area), &condition, guess).guess;
+            guess = engine.operating_point(&feed, black_box(area), &condition, guess).warm_start;
         });
         let cold = ns_per_call(200, |_| {
             black_box(engine.operating_point(&feed, black_box(area), &condition, WarmStart::default()));
@@ -62,7 +62,7 @@ fn main() {
     let mut guess = WarmStart::default();
     let inverse = ns_per_call(200, |i| {
         let inverse = engine.inverse(&feed, black_box(600.0 + 0.1 * f64::from(i % 7)), &condition, guess);
-        guess = inverse.point.guess;
+        guess = inverse.point.warm_start;
     });
     println!("inverse: {inverse:6.0} ns");
     let mut k = 0;

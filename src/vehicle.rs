@@ -20,9 +20,9 @@ use crate::frame::{Mat3, Vec3};
 use crate::input::{Document, InputError, Invalid};
 use crate::propulsion::{
     BottleModel, ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts,
-    FeedParameters, GasBalance, GasIngestion, GasState, GasView, Isolation, ManifoldModel, NitrogenInventory,
-    NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl, Stores, StoresRate,
-    Tank, UllageModel, Vent, VentedGas, Withdrawal,
+    FeedParameters, GasBalance, GasIngestion, GasProperties, GasState, Isolation, ManifoldModel,
+    NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl,
+    Stores, StoresRate, Tank, UllageModel, Vent, VentedGas, Withdrawal,
 };
 use crate::sensor::SensorParameters;
 
@@ -325,7 +325,7 @@ pub enum GasSupply {
     /// Distributed by algebra.
     Distributed(NitrogenState),
     /// From states.
-    Balanced(GasView),
+    Balanced(GasProperties),
 }
 
 impl GasModel {
@@ -605,7 +605,7 @@ impl Vehicle {
                 };
                 GasSupply::Distributed(self.pressurant.distribute(&self.pressurant_gas, &inventory))
             }
-            GasModel::Balanced(balance) => GasSupply::Balanced(balance.look(stores)),
+            GasModel::Balanced(balance) => GasSupply::Balanced(balance.properties(stores)),
         }
     }
 

@@ -22,7 +22,7 @@ fn forward_of_inverse_is_the_demand_over_the_envelope() {
             for i in 0..=150 {
                 let thrust = 300.0 + 5.0 * f64::from(i);
                 let inverse = engine.inverse(&feed, thrust, &condition, guess);
-                guess = inverse.point.guess;
+                guess = inverse.point.warm_start;
                 assert!(!inverse.saturated, "{tank_k} K, {port} mm, {thrust} N: {inverse:?}");
                 let area = engine.valve_area().area_m2(inverse.valve_rad);
                 let cold = engine.operating_point(&feed, area, &condition, WarmStart::default());
@@ -178,7 +178,7 @@ fn the_filling_chamber_settles_on_the_steady_engine() {
         for _ in 0..20_000 {
             let condition = EngineCondition { chamber_gas: Some(gas), ..steady_condition };
             last = engine.operating_point(&feed, area_m2, &condition, guess);
-            guess = last.guess;
+            guess = last.warm_start;
             gas = ChamberGas {
                 oxidizer_kg: gas.oxidizer_kg + dt_s * last.chamber_gas_rate.oxidizer_kg_s,
                 fuel_kg: gas.fuel_kg + dt_s * last.chamber_gas_rate.fuel_kg_s,

@@ -12,7 +12,7 @@ mod files;
 use bare_engine::{AMBIENT_PA, condition, engine_of, vehicle};
 use feed_line::{Fed, with_line, with_manifold};
 use hopbench::plant::Snapshot;
-use hopbench::propulsion::{EngineCondition, Feed, FeedGrid, FeedMap, ManifoldModel, Stages};
+use hopbench::propulsion::{EngineCondition, Feed, FeedGrid, FeedMap, ImplicitMethod, ManifoldModel};
 use hopbench::simulation::fly;
 use proptest::prelude::*;
 
@@ -37,7 +37,7 @@ fn a_manifold_of_no_volume_and_a_line_of_no_length_are_the_steady_engine() {
         let angle = |t: f64| 15.0 + 6.0 * t;
         for i in 0..2000 {
             let (t, dt) = (1e-3 * f64::from(i), 1e-3);
-            fed.step(angle(t), angle(t + dt), dt, Stages::Two);
+            fed.step(angle(t), angle(t + dt), dt, ImplicitMethod::Sdirk2);
             worst = worst.max((fed.point.thrust_n / steady(&engine, angle(t + dt)).thrust_n - 1.0).abs());
         }
         println!("{volume_m3:e} m3, {length_m:?} m: {worst:.1e}");
@@ -51,10 +51,10 @@ fn a_manifold_of_no_volume_and_a_line_of_no_length_are_the_steady_engine() {
 /// Two stages are of second order, one is of first, and 1 ms is as good as the method's error constant says.
 #[test]
 fn halving_the_step_shows_the_order() {
-    for (name, stages, line, order) in [
-        ("two stages", Stages::Two, false, 2.0),
-        ("one stage", Stages::One, false, 1.0),
-        ("two stages with a line", Stages::Two, true, 2.0),
+    for (name, method, line, order) in [
+        ("SDIRK2", ImplicitMethod::Sdirk2, false, 2.0),
+        ("backward Euler", ImplicitMethod::BackwardEuler, false, 1.0),
+        ("SDIRK2 with a line", ImplicitMethod::Sdirk2, true, 2.0),
     ] {
         let mut vehicle = vehicle();
         with_manifold(&mut vehicle, 2.5e-5);
@@ -70,7 +70,7 @@ fn halving_the_step_shows_the_order() {
             let dt = 0.32 / f64::from(steps);
             for i in 0..steps {
                 let t = dt * f64::from(i);
-                fed.step(angle(t), angle(t + dt), dt, stages);
+                fed.step(angle(t), angle(t + dt), dt, method);
             }
             fed.point.injector_inlet_pa
         };
@@ -106,7 +106,7 @@ fn what_leaves_the_tank_is_what_is_injected_and_what_is_stored() {
 /// A jump of the valve, into and out of the range where the lag is thirty times shorter than the step.
 #[test]
 fn steps_across_the_flash_point_settle_on_the_steady_engine() {
-    for stages in [Stages::Two, Stages::One] {
+    for method in [ImplicitMethod::Sdirk2, ImplicitMethod::BackwardEuler] {
         for length_m in [None, Some(0.5)] {
             let mut vehicle = vehicle();
             with_manifold(&mut vehicle, 2.5e-5);
@@ -119,20 +119,20 @@ fn steps_across_the_flash_point_settle_on_the_steady_engine() {
                 let (start, end) = (steady(&engine, from).thrust_n, steady(&engine, to).thrust_n);
                 let mut beyond = 0.0f64;
                 for _ in 0..1000 {
-                    fed.step(to, to, 1e-3, stages);
+                    fed.step(to, to, 1e-3, method);
                     let thrust_n = fed.point.thrust_n;
                     assert!(thrust_n.is_finite() && fed.point.solved);
                     let share = (thrust_n - start) / (end - start);
                     beyond = beyond.max(share - 1.0);
                 }
                 let left = (fed.point.thrust_n / end - 1.0).abs();
-                println!("{stages:?} {length_m:?} {from} -> {to}: beyond {beyond:.1e}, left {left:.1e}");
+                println!("{method:?} {length_m:?} {from} -> {to}: beyond {beyond:.1e}, left {left:.1e}");
                 // Backward Euler does not overshoot. Two stages: (1 - (1 - 2γ) z)/(1 + γ z)² is at least -0.207. A
                 // column that is braked by liquid rings.
-                let allowed = match (stages, length_m) {
+                let allowed = match (method, length_m) {
                     (_, Some(_)) => 0.35,
-                    (Stages::One, None) => 1e-6,
-                    (Stages::Two, None) => 0.207,
+                    (ImplicitMethod::BackwardEuler, None) => 1e-6,
+                    (ImplicitMethod::Sdirk2, None) => 0.207,
                 };
                 assert!(left < 1e-6 && beyond < allowed, "{beyond:e} {left:e}");
             }
@@ -151,7 +151,7 @@ fn a_shut_valve_empties_the_manifold_and_then_nothing_flows() {
     let mut before = (f64::INFINITY, f64::INFINITY);
     let mut ended_ms = None;
     for ms in 0..2000 {
-        fed.step(0.0, 0.0, 1e-3, Stages::Two);
+        fed.step(0.0, 0.0, 1e-3, ImplicitMethod::Sdirk2);
         let now = (fed.point.injector_inlet_pa, fed.point.thrust_n);
         spent_kg += 1e-3 * fed.point.oxidizer_kg_s;
         // The root in P2 is good to 65 µPa, rest begins at 0.1 Pa.
@@ -386,7 +386,7 @@ proptest! {
             vehicle.feed.injector.single_phase = hopbench::propulsion::SinglePhase::Choked;
         }
         let engine = engine_of(&vehicle);
-        if !engine.feed_stores() {
+        if !engine.feed_has_state() {
             return Ok(());
         }
         let mut fed = Fed::at_rest(&engine, engine.feed_map(tank_pa, tank_k));
@@ -402,8 +402,8 @@ proptest! {
         for angle in angles {
             for _ in 0..20 {
                 let area = engine.valve_area().area_m2(f64::to_radians(angle));
-                let stages = engine.feed_stages(&fed.feed, area, fed.point.injector_inlet_pa, fed.point.chamber_pa);
-                fed.step(before, angle, step_s, stages);
+                let method = engine.implicit_method(&fed.feed, area, fed.point.injector_inlet_pa, fed.point.chamber_pa);
+                fed.step(before, angle, step_s, method);
                 before = angle;
                 let point = fed.point;
                 let numbers = [

@@ -84,7 +84,7 @@ fn the_sweep_takes_the_nearest_flow_and_the_valve_gives_it_back() {
         for step in 0..40 {
             let thrust_n = 100.0 + 25.0 * f64::from(step);
             let chosen = paper.sweep(engine, &condition, thrust_n);
-            let miss = |flow| (paper.candidate(engine, &condition, flow).thrust_n - thrust_n).abs();
+            let miss = |flow| (paper.sweep_point(engine, &condition, flow).thrust_n - thrust_n).abs();
             let nearest = (0..points).map(|p| miss(paper.flow_kg_s(p))).fold(f64::MAX, f64::min);
             assert_eq!(miss(chosen.oxidizer_kg_s), nearest);
             // Half the grid's 1 g/s at the slope of the thrust, under 2.9 N per g/s.

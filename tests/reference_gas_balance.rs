@@ -58,7 +58,7 @@ impl Integrable for Y {
 fn run(balance: &GasBalance, start: Stores, out: Withdrawal, seconds: f64, mut see: impl FnMut(&Y)) -> Y {
     let mut y = Y(start, 0.0);
     for _ in 0..(seconds * 1000.0).round() as usize {
-        y = rk4_step(&y, 1e-3, |y, _| (balance.rate(&balance.look(&y.0), &out), out.liquid_kg_s));
+        y = rk4_step(&y, 1e-3, |y, _| (balance.rate(&balance.properties(&y.0), &out), out.liquid_kg_s));
         see(&y);
     }
     y
@@ -89,7 +89,7 @@ fn a_bottle_expands_between_isentropic_and_isothermal() {
         let kg = at.gas.bottle_kg;
         let out = Withdrawal { thrusters_kg_s: 0.35 * kg / 30.0, ..Withdrawal::default() };
         let end = run(&balance, at, out, 30.0, |_| {}).0;
-        let (bar, k) = (balance.look(&end).nitrogen.bottle_pa * 1e-5, end.gas.bottle_k);
+        let (bar, k) = (balance.properties(&end).nitrogen.bottle_pa * 1e-5, end.gas.bottle_k);
         assert!((end.gas.bottle_kg / kg - 0.65).abs() < 1e-6);
         assert!(bar > last, "more heat, more pressure");
         last = bar;
@@ -136,7 +136,7 @@ fn a_thin_ullage_expands_like_an_ideal_gas() {
     assert!((end.gas.ullage_k / ideal_k - 1.0).abs() < 0.02, "{} K for {ideal_k}", end.gas.ullage_k);
     // Exactly: entropy of the real gas.
     let n2 = hopbench::fluid::Nitrogen::tables();
-    let entropy = n2.entropy_j_kg_k(balance.look(&end).nitrogen.tank_pa, end.gas.ullage_k);
+    let entropy = n2.entropy_j_kg_k(balance.properties(&end).nitrogen.tank_pa, end.gas.ullage_k);
     assert!((entropy - n2.entropy_j_kg_k(40e5, 300.0)).abs() < 0.02, "{entropy}");
 }
 
@@ -149,7 +149,7 @@ fn mass_and_energy_close_to_a_billionth() {
         let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
         let at = start(&balance, &pressurant, &tank);
         let out = Withdrawal { liquid_kg_s: 0.4, gas_kg_s: 0.005, thrusters_kg_s: 0.01 };
-        let energy_j = |s: &Stores| balance.energy_j(&balance.look(s));
+        let energy_j = |s: &Stores| balance.energy_j(&balance.properties(s));
         let mass_kg = |s: &Stores| s.nitrogen_kg + s.nitrous_kg + s.gas.vapor_kg;
         let (energy_0, mass_0) = (energy_j(&at), mass_kg(&at));
         let (mut time_s, mut worst) = (0.0, [0.0f64; 3]);
@@ -158,7 +158,7 @@ fn mass_and_energy_close_to_a_billionth() {
             let gone_kg = time_s * (out.liquid_kg_s + out.gas_kg_s + out.thrusters_kg_s);
             worst[0] = worst[0].max(((mass_kg(&y.0) + gone_kg) / mass_0 - 1.0).abs());
             worst[1] = worst[1].max((energy_j(&y.0) + y.1 - energy_0).abs() / energy_0.abs());
-            let view = balance.look(&y.0).nitrogen;
+            let view = balance.properties(&y.0).nitrogen;
             if view.regulated {
                 worst[2] = worst[2].max((view.tank_pa - 65e5).abs());
             }
@@ -208,7 +208,7 @@ fn against_the_second_code(kinds: &[&str], allowed: impl Fn(&str, &[f64]) -> f64
         let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
         let at = start(&balance, &pressurant, &tank);
         let end = run(&balance, at, out, v[2], |_| {}).0;
-        let (view, gas) = (balance.look(&end).nitrogen, &end.gas);
+        let (view, gas) = (balance.properties(&end).nitrogen, &end.gas);
         let bottle = [gas.bottle_kg, gas.bottle_k, view.bottle_pa, gas.wall_k];
         let tank = [view.tank_kg, gas.vapor_kg, gas.ullage_k, view.tank_pa, end.nitrous_kg, gas.liquid_k];
         let names = ["bottle kg", "bottle K", "bottle Pa", "wall K"].into_iter().chain([
@@ -279,7 +279,7 @@ fn a_drained_tank_droops_by_the_flow_of_nitrogen() {
         let (_, balance, at) = isothermal(|p| p.regulator.droop_pa_s_kg = droop);
         let out = Withdrawal { liquid_kg_s: 0.4, ..Withdrawal::default() };
         let end = run(&balance, at, out, 20.0, |_| {}).0;
-        let view = balance.look(&end);
+        let view = balance.properties(&end);
         let flow_kg_s = -balance.rate(&view, &out).gas.bottle_kg;
         let (tank_pa, tank_k) = (view.nitrogen.tank_pa, end.gas.ullage_k);
         let room_m3_s = 0.4 / LIQUID_KG_M3;
@@ -314,9 +314,9 @@ fn a_shut_tank_locks_up() {
     let end = run(&balance, at, Withdrawal::default(), 15.0, |y| {
         now_s += 1e-3;
         let expected = 65e5 + lockup_pa * (1.0 - libm::exp(-now_s / time_s));
-        worst = worst.max((balance.look(&y.0).nitrogen.tank_pa - expected).abs());
+        worst = worst.max((balance.properties(&y.0).nitrogen.tank_pa - expected).abs());
     });
-    let view = balance.look(&end.0).nitrogen;
+    let view = balance.properties(&end.0).nitrogen;
     println!("time constant {time_s:.3} s, {worst:.1} Pa off the exponential, end {:.1} Pa", view.tank_pa);
     // dP/dρ changes by Z'/Z of 0.4 bar, under 1e-3, over the rise, and moves it by L · 1e-3/e.
     assert!(worst < lockup_pa * 1e-3 / core::f64::consts::E, "{worst} Pa");
@@ -333,7 +333,7 @@ fn a_tank_blows_down_with_its_bottle() {
     let (mut lost, mut worst, mut lowest) = (0, 0.0f64, f64::INFINITY);
     let (mut before_pa, mut lag, mut corner) = (f64::NAN, 0.0f64, 0.0f64);
     run(&balance, at, out, 25.0, |y| {
-        let now = balance.look(&y.0).nitrogen;
+        let now = balance.properties(&y.0).nitrogen;
         let inventory = NitrogenInventory {
             total_kg: y.0.nitrogen_kg,
             ullage_m3: tank_m3 - y.0.nitrous_kg / LIQUID_KG_M3,
@@ -372,9 +372,9 @@ fn a_tank_blows_down_with_its_bottle() {
 #[test]
 fn a_tank_above_its_regulator_is_not_regulated() {
     let (_, balance, mut at) = isothermal(|_| {});
-    assert!(balance.look(&at).nitrogen.regulated);
+    assert!(balance.properties(&at).nitrogen.regulated);
     at.nitrogen_kg += 0.05;
-    let view = balance.look(&at);
+    let view = balance.properties(&at);
     assert!(view.nitrogen.tank_pa > 65.5e5 && !view.nitrogen.regulated, "{:?}", view.nitrogen);
     assert_eq!(balance.rate(&view, &Withdrawal::default()).gas.bottle_kg, 0.0);
 }
@@ -409,17 +409,17 @@ proptest! {
         let balance = GasBalance::new(&pressurant, &tank, LIQUID_KG_M3);
         let mut y = Y(start(&balance, &pressurant, &tank), 0.0);
         for _ in 0..2000 {
-            let view = balance.look(&y.0).nitrogen;
+            let view = balance.properties(&y.0).nitrogen;
             let out = Withdrawal {
                 liquid_kg_s: liquid_kg_s.min(y.0.nitrous_kg / 0.05),
                 gas_kg_s: gas_share * (view.tank_kg + view.vapor_kg),
                 thrusters_kg_s: thrusters_share * view.bottle_kg,
             };
-            y = rk4_step(&y, 1e-3, |y, _| (balance.rate(&balance.look(&y.0), &out), out.liquid_kg_s));
+            y = rk4_step(&y, 1e-3, |y, _| (balance.rate(&balance.properties(&y.0), &out), out.liquid_kg_s));
             y.0.nitrous_kg = y.0.nitrous_kg.max(0.0);
             y.0.nitrogen_kg = y.0.nitrogen_kg.max(0.0);
             y.0.gas = balance.kept_in_range(&y.0.gas, y.0.nitrogen_kg);
-            let now = balance.look(&y.0).nitrogen;
+            let now = balance.properties(&y.0).nitrogen;
             let all = [now.tank_pa, now.bottle_pa, now.tank_kg, now.bottle_kg, now.vapor_kg, y.0.nitrous_kg];
             prop_assert!(all.iter().chain(&y.0.gas.numbers()).all(|x| x.is_finite() && *x >= 0.0), "{all:?}");
         }

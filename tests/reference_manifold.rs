@@ -8,7 +8,7 @@ mod feed_line;
 
 use bare_engine::{at_angle, condition, engine_of, vehicle};
 use feed_line::{Fed, with_line, with_manifold};
-use hopbench::propulsion::{FeedMap, Stages};
+use hopbench::propulsion::{FeedMap, ImplicitMethod};
 
 fn table(text: &str) -> Vec<Vec<f64>> {
     let rows = text.lines().filter(|line| !line.starts_with('#')).skip(1);
@@ -65,7 +65,7 @@ fn angle(t: f64) -> f64 {
 }
 
 /// Greatest differences of P2 (Pa), flow (kg/s) and thrust (N) while it boils, and over everything.
-fn compare(line: bool, steps_per_row: u32, default_stages: bool) -> [[f64; 3]; 2] {
+fn compare(line: bool, steps_per_row: u32, by_lag: bool) -> [[f64; 3]; 2] {
     let mut vehicle = vehicle();
     with_manifold(&mut vehicle, 2.5e-5);
     if line {
@@ -81,12 +81,12 @@ fn compare(line: bool, steps_per_row: u32, default_stages: bool) -> [[f64; 3]; 2
         for _ in 0..steps_per_row {
             let t = dt * f64::from(step);
             let area_m2 = engine.valve_area().area_m2(angle(t).to_radians());
-            let stages = if default_stages {
-                engine.feed_stages(&fed.feed, area_m2, fed.point.injector_inlet_pa, fed.point.chamber_pa)
+            let method = if by_lag {
+                engine.implicit_method(&fed.feed, area_m2, fed.point.injector_inlet_pa, fed.point.chamber_pa)
             } else {
-                Stages::Two
+                ImplicitMethod::Sdirk2
             };
-            fed.step(angle(t), angle(t + dt), dt, stages);
+            fed.step(angle(t), angle(t + dt), dt, method);
             step += 1;
         }
         let (p2, flow) = if line { (row[5], row[6]) } else { (row[2], row[3]) };
@@ -106,11 +106,11 @@ fn compare(line: bool, steps_per_row: u32, default_stages: bool) -> [[f64; 3]; 2
 fn response_of_the_manifold() {
     for line in [false, true] {
         let (mut boiling, mut at_1_ms) = (Vec::new(), Vec::new());
-        for (steps, default_stages) in [(5, true), (5, false), (10, false), (20, false), (80, false)] {
-            let [inside, all] = compare(line, steps, default_stages);
+        for (steps, by_lag) in [(5, true), (5, false), (10, false), (20, false), (80, false)] {
+            let [inside, all] = compare(line, steps, by_lag);
             let ms = 5.0 / f64::from(steps);
-            println!("line {line}, {ms} ms, stages by lag {default_stages}: boiling {inside:?}, all {all:?}");
-            if !default_stages {
+            println!("line {line}, {ms} ms, method by lag {by_lag}: boiling {inside:?}, all {all:?}");
+            if !by_lag {
                 boiling.push(inside[0]);
             }
             if steps == 5 {

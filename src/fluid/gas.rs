@@ -10,7 +10,7 @@
 
 use std::sync::LazyLock;
 
-use super::Nitrous;
+use super::nitrous::Nitrous;
 use crate::interpolate::{UniformCubic, UniformGrid, table::Table};
 
 /// Gas constants of the equations of state (J/(kg K)).
@@ -31,7 +31,7 @@ static NITROGEN: LazyLock<RealGas> =
     LazyLock::new(|| RealGas::read(include_str!("data/n2_gas.csv"), NITROGEN_J_KG_K, NITROGEN_DENSITIES));
 static VAPOR: LazyLock<NitrousVapor> = LazyLock::new(NitrousVapor::read);
 
-/// One gas.
+/// A single-phase gas over density and temperature.
 #[derive(Debug)]
 pub struct RealGas {
     gas_constant_j_kg_k: f64,
@@ -40,7 +40,7 @@ pub struct RealGas {
     temperatures_k: (f64, f64),
 }
 
-/// A gas at a density and temperature, and how it changes with them.
+/// A gas at a density and temperature, with its slopes along both.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GasPoint {
     /// Pressure (Pa).
@@ -116,7 +116,7 @@ impl RealGas {
     }
 }
 
-/// Nitrous oxide above its liquid: vapour, mist, and the boundary to the liquid.
+/// Nitrous oxide above its liquid: vapour, mist, and the liquid's surface.
 #[derive(Debug)]
 pub struct NitrousVapor {
     gas: RealGas,
@@ -169,7 +169,7 @@ impl NitrousVapor {
         self.saturated.at(temperature_k)[0]
     }
 
-    /// The surface of a liquid (K).
+    /// The surface of a liquid at a temperature (K).
     pub fn interface(&self, temperature_k: f64) -> Interface {
         let (value, slope) = self.saturated.with_slope(temperature_k);
         Interface {
@@ -213,7 +213,7 @@ impl NitrousVapor {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Nitrogen;
+    use super::super::nitrogen::Nitrogen;
     use super::*;
 
     /// The table over pressure and the table over density come from one equation of state.
@@ -257,7 +257,7 @@ mod tests {
     #[test]
     fn slopes_are_those_of_the_values() {
         let (nitrogen, vapor) = (RealGas::nitrogen(), NitrousVapor::tables());
-        let see = |at: &dyn Fn(f64, f64) -> GasPoint, density: f64, temperature: f64| {
+        let check = |at: &dyn Fn(f64, f64) -> GasPoint, density: f64, temperature: f64| {
             let (d, t) = (1e-4, 1e-4);
             let point = at(density, temperature);
             let along_d = (at(density + d, temperature), at(density - d, temperature));
@@ -279,9 +279,9 @@ mod tests {
             close(point.energy_per_density, (along_d.0.energy_j_kg - along_d.1.energy_j_kg) / (2.0 * d), 1e3);
             close(point.energy_per_k, (along_t.0.energy_j_kg - along_t.1.energy_j_kg) / (2.0 * t), 1e3);
         };
-        see(&|d, t| nitrogen.at(d, t), 203.0, 241.0);
-        see(&|d, t| vapor.at(d, t), 61.0, 288.0);
-        see(&|d, t| vapor.at(d, t), 190.0, 277.0); // mist
+        check(&|d, t| nitrogen.at(d, t), 203.0, 241.0);
+        check(&|d, t| vapor.at(d, t), 61.0, 288.0);
+        check(&|d, t| vapor.at(d, t), 190.0, 277.0); // mist
     }
 
     #[test]

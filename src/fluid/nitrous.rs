@@ -61,7 +61,7 @@ impl Saturation {
     }
 
     /// Vapour mass fraction of a mixture of this entropy, 0..1.
-    pub fn quality_of_entropy(&self, entropy_j_kg_k: f64) -> f64 {
+    fn quality_of_entropy(&self, entropy_j_kg_k: f64) -> f64 {
         let span = self.vapor_entropy_j_kg_k - self.liquid_entropy_j_kg_k;
         ((entropy_j_kg_k - self.liquid_entropy_j_kg_k) / span).clamp(0.0, 1.0)
     }
@@ -110,18 +110,18 @@ pub struct Stagnation {
     pub entropy_j_kg_k: f64,
 }
 
-/// Greatest homogeneous-equilibrium flux along an isentrope.
+/// Choked flow: the greatest homogeneous-equilibrium flux along an isentrope.
 #[derive(Clone, Copy, Debug)]
-pub struct Critical {
+pub struct CriticalFlow {
     /// Pressure at which it occurs.
     pub pressure_pa: f64,
     /// Mass flux per unit area.
     pub flux_kg_m2_s: f64,
     /// Pressure at which the isentrope meets the saturation line; the stagnation pressure if it starts inside.
     pub saturation_pa: f64,
-    /// Velocity at the saturation line against the sound speed just inside it, squared; above 1 the
+    /// Mach number at the saturation line with the sound speed just inside it, squared; from 1 on the
     /// flux peaks at the line itself. Zero when the isentrope starts inside.
-    pub onset: f64,
+    pub onset_mach2: f64,
 }
 
 impl Nitrous {
@@ -194,7 +194,7 @@ impl Nitrous {
     }
 
     /// Liquid at a pressure and entropy.
-    pub fn liquid_of_entropy(&self, pressure_pa: f64, entropy_j_kg_k: f64) -> Liquid {
+    fn liquid_of_entropy(&self, pressure_pa: f64, entropy_j_kg_k: f64) -> Liquid {
         self.liquid_where(pressure_pa, 7.0, |liquid| liquid.entropy_j_kg_k - entropy_j_kg_k)
     }
 
@@ -218,7 +218,7 @@ impl Nitrous {
     }
 
     /// Pressure (Pa) at which an isentrope of the liquid meets the saturation line.
-    pub fn isentropic_flash_pressure_pa(&self, entropy_j_kg_k: f64) -> f64 {
+    fn isentropic_flash_pressure_pa(&self, entropy_j_kg_k: f64) -> f64 {
         self.bubble_pressure_pa(|line| line.liquid_entropy_j_kg_k - entropy_j_kg_k)
     }
 
@@ -258,7 +258,7 @@ impl Nitrous {
     /// The flux rises as the pressure falls while the velocity is below the sound speed,
     /// 2 Δh (dρ/dP)_s < 1. A liquid that reaches the saturation line faster than the much lower
     /// two-phase sound speed peaks there, at the kink.
-    pub fn critical(&self, from: &Stagnation, guess_pa: f64) -> Critical {
+    pub fn critical(&self, from: &Stagnation, guess_pa: f64) -> CriticalFlow {
         let boils_at_rest = from.vapor_pressure_pa >= from.pressure_pa;
         let saturation_pa = if boils_at_rest {
             from.pressure_pa
@@ -269,8 +269,8 @@ impl Nitrous {
             let (_, drop_j_kg, density_slope) = self.two_phase_expansion(from, pa);
             2.0 * drop_j_kg * density_slope
         };
-        let onset = if boils_at_rest { 0.0 } else { mach2(saturation_pa) };
-        let pressure_pa = if onset >= 1.0 {
+        let onset_mach2 = if boils_at_rest { 0.0 } else { mach2(saturation_pa) };
+        let pressure_pa = if onset_mach2 >= 1.0 {
             saturation_pa
         } else {
             let bracket = Bracket {
@@ -283,11 +283,11 @@ impl Nitrous {
             bracketed_root(bracket, |pa| 1.0 - mach2(pa)).x
         };
         let (density, drop_j_kg, _) = self.two_phase_expansion(from, pressure_pa);
-        Critical {
+        CriticalFlow {
             pressure_pa,
             flux_kg_m2_s: density * (2.0 * drop_j_kg.max(0.0)).sqrt(),
             saturation_pa,
-            onset,
+            onset_mach2,
         }
     }
 

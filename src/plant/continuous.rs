@@ -466,9 +466,9 @@ impl Plant {
                 ),
             },
         };
-        let surge = &self.inputs.faults.surge;
-        point.chamber_pa += surge.chamber_pa;
-        point.thrust_n = self.inputs.disturbance.thrust_n(point.thrust_n + surge.thrust_n());
+        let pressure_spike = &self.inputs.faults.pressure_spike;
+        point.chamber_pa += pressure_spike.chamber_pa;
+        point.thrust_n = self.inputs.disturbance.thrust_n(point.thrust_n + pressure_spike.thrust_n());
         (point, stored_kg)
     }
 

@@ -37,7 +37,7 @@ impl Plant {
         let now = self.evaluate_inline(&self.state, 0.0);
         self.cache_rate(&now.rate);
         self.snapshot = self.snapshot_of(&now);
-        self.discrete.warm_start.update(now.engine.guess);
+        self.discrete.warm_start.update(now.engine.warm_start);
         if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
             self.discrete.singular = true;
             self.note("abort:singular", "mass or inertia is not that of a body".to_owned());

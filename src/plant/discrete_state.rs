@@ -10,7 +10,7 @@ use super::fault::{FaultMemory, FaultState};
 use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::Effect;
 use crate::dynamics::landing_gear::{Anchors, Grip};
-use crate::propulsion::{FeedGrid, FeedInput, Flame, Modulator, PairLevels, Stages, WarmStart};
+use crate::propulsion::{FeedGrid, FeedInput, Flame, ImplicitMethod, Modulator, PairLevels, WarmStart};
 use crate::signal::Throttle;
 use crate::time::SimTime;
 
@@ -74,7 +74,7 @@ pub(super) struct FeedStart {
     /// What drove the feed system when the step began.
     pub(super) input: FeedInput,
     /// How finely it is resolved.
-    pub(super) stages: Stages,
+    pub(super) method: ImplicitMethod,
     /// Growth of the liquid's weight in a step (Pa).
     pub(super) head_trend_pa: f64,
 }
@@ -103,15 +103,15 @@ impl EngineWarmStart {
         let (first, second) = (share, 0.5 * share * (share + 1.0));
         let [inlet, chamber] = &self.trend_pa;
         start.injector_inlet_pa += first * inlet[0] + second * inlet[1];
-        start.near.pressure.pa += first * chamber[0] + second * chamber[1];
+        start.chamber.pressure.pa += first * chamber[0] + second * chamber[1];
         start
     }
 
     /// Takes in the solution at the end of a step.
     pub(super) fn update(&mut self, next: WarmStart) {
         let both_flow = self.last.injector_inlet_pa > 0.0 && next.injector_inlet_pa > 0.0;
-        let before = [self.last.injector_inlet_pa, self.last.near.pressure.pa];
-        let now = [next.injector_inlet_pa, next.near.pressure.pa];
+        let before = [self.last.injector_inlet_pa, self.last.chamber.pressure.pa];
+        let now = [next.injector_inlet_pa, next.chamber.pressure.pa];
         self.trend_pa = if both_flow {
             std::array::from_fn(|k| {
                 let first = now[k] - before[k];

@@ -13,7 +13,7 @@ use super::{Evaluation, Plant, State};
 use crate::actuator::{Servo, StrokeValve};
 use crate::fault::PlantEffect;
 use crate::fault::plant::{ServoEffect, ThrusterEffect};
-use crate::propulsion::{Damage, PairLevels, Stores, Surge};
+use crate::propulsion::{Damage, PairLevels, PressureSpike, Stores};
 use crate::vehicle::GasModel;
 
 /// Faults that act, as the rate of the state feels them.
@@ -25,7 +25,7 @@ pub(super) struct FaultState {
     pub(super) gimbal_servo: [Servo; 2],
     /// Outlet of the regulator below its set pressure (Pa).
     pub(super) sag_pa: f64,
-    pub(super) surge: Surge,
+    pub(super) pressure_spike: PressureSpike,
 }
 
 /// What faults leave behind from step to step.
@@ -45,7 +45,7 @@ impl FaultState {
             valve_servo,
             gimbal_servo: [gimbal_servo; 2],
             sag_pa: 0.0,
-            surge: Surge::NONE,
+            pressure_spike: PressureSpike::NONE,
         }
     }
 
@@ -160,7 +160,7 @@ impl Plant {
         self.advance_regulator(now);
         let step_s = self.step.s();
         let faults = &mut self.inputs.faults;
-        faults.surge = faults.surge.after(step_s);
+        faults.pressure_spike = faults.pressure_spike.after(step_s);
         let pooling_kg_s = faults.effect.hard_start * now.engine.oxidizer_kg_s;
         // Without flow the pool boils off, beside a flame there is none.
         let pools = pooling_kg_s > 0.0 && !self.inputs.lit;
@@ -204,7 +204,7 @@ impl Plant {
         let pool_kg = self.discrete.fault_memory.pool_kg;
         let condition = self.engine_condition(&self.state);
         let engine = &self.vehicle.engine;
-        self.inputs.faults.surge =
+        self.inputs.faults.pressure_spike =
             engine.hard_start(&condition, now.engine.oxidizer_kg_s, pool_kg, self.step.s());
         self.discrete.fault_memory.pool_kg = 0.0;
     }

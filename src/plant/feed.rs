@@ -10,7 +10,7 @@ use crate::propulsion::{EngineCondition, Feed, FeedInput, FeedPoint, FeedState, 
 impl Plant {
     /// Whether the feed system has a state; the seed paper's has none.
     pub(super) fn feed_stores(&self) -> bool {
-        self.paper.is_none() && self.vehicle.engine.feed_stores()
+        self.paper.is_none() && self.vehicle.engine.feed_has_state()
     }
 
     /// The feed of the tank as it is in a state.
@@ -32,12 +32,12 @@ impl Plant {
         let head_pa = engine.static_head_pa(feed, liquid_m, -now.specific_force_body_m_s2.z);
         let input = self.feed_input(&self.state, head_pa);
         // The feed does not feel a surge.
-        let chamber_pa = now.chamber_pa - self.inputs.faults.surge.chamber_pa;
-        let stages = engine.feed_stages(feed, input.valve_area_m2, now.injector_inlet_pa, chamber_pa);
+        let chamber_pa = now.chamber_pa - self.inputs.faults.pressure_spike.chamber_pa;
+        let method = engine.implicit_method(feed, input.valve_area_m2, now.injector_inlet_pa, chamber_pa);
         // Within the step the head goes on as it went in the last one.
         let head_trend_pa = if self.inputs.head_pa > 0.0 { head_pa - self.inputs.head_pa } else { 0.0 };
         self.inputs.head_pa = head_pa;
-        self.discrete.feed_start = FeedStart { input, stages, head_trend_pa };
+        self.discrete.feed_start = FeedStart { input, method, head_trend_pa };
     }
 
     /// The feed system's step.
@@ -48,7 +48,7 @@ impl Plant {
         let open_area_m2 = self.feed_input(&self.state, 0.0).valve_area_m2;
         let feed = self.feed_in(&self.state);
         let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
-        self.discrete.warm_start.last.slope_kg_s_pa = engine.guess.slope_kg_s_pa;
+        self.discrete.warm_start.last.slope_kg_s_pa = engine.warm_start.slope_kg_s_pa;
         // Two methods of integration give what is injected and what is stored. Their difference must not draw an empty
         // tank below zero.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
@@ -84,13 +84,13 @@ impl Plant {
     }
 
     fn feed_after(&self, feed: &Feed<'_>, state: &State, open_area_m2: f64, share: f64) -> FeedPoint {
-        let FeedStart { input: start, stages, head_trend_pa } = self.discrete.feed_start;
+        let FeedStart { input: start, method, head_trend_pa } = self.discrete.feed_start;
         let from = FeedState { manifold_kg: state.manifold_kg, line_kg_s: state.line_kg_s };
         let head_pa = (self.inputs.head_pa + share * head_trend_pa).max(0.0);
         let now = FeedInput { valve_area_m2: open_area_m2, head_pa, condition: self.engine_condition(state) };
         let elapsed_s = share * self.step.s();
         let warm_start = self.discrete.warm_start.at(share);
-        self.vehicle.engine.feed_point(feed, &FeedStep { from, start, stages }, &now, elapsed_s, warm_start)
+        self.vehicle.engine.feed_point(feed, &FeedStep { from, start, method }, &now, elapsed_s, warm_start)
     }
 
     fn feed_input(&self, state: &State, head_pa: f64) -> FeedInput {

@@ -16,7 +16,7 @@ use crate::frame::{self, Vec3};
 use crate::input::Invalid;
 use crate::propulsion::{
     ChamberGas, ChamberGasRate, ChamberModel, EngineCondition, FeedGrid, FeedInput, FeedMap, Flame,
-    Modulator, PairLevels, PaperEngine, Stages, Stores, WarmStart,
+    ImplicitMethod, Modulator, PairLevels, PaperEngine, Stores, WarmStart,
 };
 use crate::scenario::{EngineStart, Fidelity, GimbalActuator, Place, Scenario};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -349,7 +349,11 @@ impl DiscreteState {
             valve_delay: DelayLine::for_interval(valve_delay, 0.0, step),
             gimbal_delay: DelayLine::for_interval(gimbal_delay, [0.0; 2], step),
             feed: FeedGrid::new(feed),
-            feed_start: FeedStart { input: FeedInput::SHUT, stages: Stages::Two, head_trend_pa: 0.0 },
+            feed_start: FeedStart {
+                input: FeedInput::SHUT,
+                method: ImplicitMethod::Sdirk2,
+                head_trend_pa: 0.0,
+            },
             warm_start: EngineWarmStart::default(),
             modulator: Modulator::default(),
             demand: Demand { throttle: Throttle::ValveRad(0.0), solved: None, valve_rad: 0.0, thrust_n: 0.0 },

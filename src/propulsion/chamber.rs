@@ -16,7 +16,7 @@ use crate::interpolate::Anchor;
 pub(super) const UNIVERSAL_GAS: f64 = 8.314_462_618;
 /// Passes of the fixed point in Pc; each gains two to three digits, four are usual.
 const PASSES: usize = 12;
-/// No perfect gas chokes above this Pc/pa: ((γ+1)/2)^(γ/(γ-1)) at γ = 1.67 is 2.054.
+/// Above this Pc/pa the throat of every perfect gas is choked: ((γ+1)/2)^(γ/(γ-1)) at γ = 1.67 is 2.054.
 const SURELY_CHOKED: f64 = 2.1;
 
 /// Combustion chamber: the `[engine.chamber]` table.
@@ -33,7 +33,7 @@ pub struct Chamber {
     pub c_star_efficiency: f64,
 }
 
-/// How the chamber pressure comes about.
+/// What the chamber pressure follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ChamberModel {
@@ -63,9 +63,9 @@ pub struct ChamberGasRate {
 
 /// Gas that does not burn, from the measured c* of cold flow.
 #[derive(Clone, Copy, Debug)]
-pub struct ColdGas {
+pub(super) struct ColdGas {
     /// Characteristic velocity (m/s).
-    pub c_star_m_s: f64,
+    pub(super) c_star_m_s: f64,
 }
 
 /// Isentropic exponent of warm nitrous oxide vapour.
@@ -73,7 +73,7 @@ const COLD_GAMMA: f64 = 1.28;
 
 impl ColdGas {
     /// R T (J/kg) that belongs to c*: c* = sqrt(R T)/Γ, Γ² = γ (2/(γ+1))^((γ+1)/(γ-1)).
-    pub fn gas_constant_temperature_j_kg(&self) -> f64 {
+    pub(super) fn gas_constant_temperature_j_kg(&self) -> f64 {
         let g = COLD_GAMMA;
         let vandenkerckhove2 = g * libm::pow(2.0 / (g + 1.0), (g + 1.0) / (g - 1.0));
         self.c_star_m_s * self.c_star_m_s * vandenkerckhove2
@@ -82,23 +82,24 @@ impl ColdGas {
 
 /// Steady chamber pressure for a mixture, from `choked_per_c_star` = ṁ η/(A_t C_d) (Pa s/m).
 ///
-/// `near` is where to look first, and is left at the answer.
+/// `warm_start` is a pressure near the answer, and becomes the answer.
 #[inline]
-pub fn steady_pressure(
+pub(super) fn steady_pressure(
     map: &CombustionMap,
     mixture: &Mixture<'_>,
     choked_per_c_star: f64,
     ambient_pa: f64,
-    near: &mut NearPressure,
+    warm_start: &mut PressureWarmStart,
 ) -> ChamberPressure {
-    let mut pa = if near.pa > 0.0 { near.pa } else { choked_per_c_star * mixture.c_star_m_s(0.0) };
+    let mut pa =
+        if warm_start.pa > 0.0 { warm_start.pa } else { choked_per_c_star * mixture.c_star_m_s(0.0) };
     let mut log = 0.0;
     for _ in 0..PASSES {
-        log = map.log_pressure_near(pa, &mut near.log);
+        log = map.log_pressure_near(pa, &mut warm_start.log);
         let c_star = mixture.c_star_m_s(log);
         let change = (choked_per_c_star * c_star - pa) / (1.0 - mixture.c_star_exponent(c_star));
         let share = change / pa;
-        // Where the guess was far too high Newton's chord may overshoot: the pressure stays positive.
+        // From a start far too high Newton's chord may overshoot: the pressure stays positive.
         pa = (pa + change).max(0.1 * pa);
         // Newton on a function this straight: the error left is (share · k/c*)², below round-off.
         if share.abs() < 1e-7 {
@@ -110,24 +111,24 @@ pub fn steady_pressure(
     let pressure = if pa >= SURELY_CHOKED * ambient_pa {
         ChamberPressure { pa, log }
     } else {
-        near_ambient(map, mixture, choked_per_c_star, ambient_pa)
+        steady_pressure_near_ambient(map, mixture, choked_per_c_star, ambient_pa)
     };
-    near.pa = pressure.pa;
+    warm_start.pa = pressure.pa;
     pressure
 }
 
-/// A chamber pressure near the answer, and the logarithm of one.
+/// A chamber pressure near the answer, and a logarithm near its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct NearPressure {
+pub struct PressureWarmStart {
     /// Pressure (Pa); 0: not known.
     pub pa: f64,
     /// ln(P/P_ref) of the map near there.
     pub log: Anchor,
 }
 
-/// (11S): the throat may be unchoked.
+/// The same where the throat may be unchoked, (11S).
 #[inline(never)]
-fn near_ambient(
+fn steady_pressure_near_ambient(
     map: &CombustionMap,
     mixture: &Mixture<'_>,
     choked_per_c_star: f64,
@@ -154,40 +155,40 @@ fn near_ambient(
     ChamberPressure { pa, log }
 }
 
-/// Pressure and nozzle flow of a chamber that holds some gas.
+/// Pressure of the gas in a chamber, and what it drives through the nozzle.
 #[derive(Clone, Copy, Debug)]
-pub struct HeldGas {
+pub(super) struct ChamberOutflow {
     /// Chamber pressure (Pa).
-    pub pressure: ChamberPressure,
+    pub(super) pressure: ChamberPressure,
     /// Flow through the nozzle (kg/s).
-    pub nozzle_kg_s: f64,
+    pub(super) nozzle_kg_s: f64,
 }
 
 /// Geometry and efficiency that the filling model needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Vessel {
+pub(super) struct Vessel {
     /// Volume of gas (m³).
-    pub volume_m3: f64,
+    pub(super) volume_m3: f64,
     /// Efficiency of c*.
-    pub c_star_efficiency: f64,
+    pub(super) c_star_efficiency: f64,
     /// Discharge coefficient of the throat.
-    pub discharge_coefficient: f64,
+    pub(super) discharge_coefficient: f64,
     /// Share of the gas that burns, 0..1.
-    pub burning_fraction: f64,
-    /// The rest.
-    pub cold: ColdGas,
+    pub(super) burning_fraction: f64,
+    /// Gas that does not burn.
+    pub(super) cold: ColdGas,
 }
 
-/// Pressure and outflow of the gas held, (Pc, OF) by the laws of the nozzle: Tc with η², zero flow at
-/// ambient pressure.
-pub fn held_pressure(
+/// Pressure and outflow of a mass of gas in the chamber: P = m R T/V with the flame temperature times η², and the
+/// nozzle's flow at that pressure, zero at ambient pressure.
+pub(super) fn filling_pressure(
     map: &CombustionMap,
     mixture: &Mixture<'_>,
     gas_kg: f64,
     vessel: &Vessel,
     throat: &Throat,
-    near: &mut NearPressure,
-) -> HeldGas {
+    warm_start: &mut PressureWarmStart,
+) -> ChamberOutflow {
     let f = vessel.burning_fraction;
     let cold_rt = vessel.cold.gas_constant_temperature_j_kg();
     let eta = vessel.c_star_efficiency;
@@ -199,7 +200,7 @@ pub fn held_pressure(
         let next = per_rt_pa * (f * hot_rt + (1.0 - f) * cold_rt);
         let change = next - pa;
         pa = next;
-        log = map.log_pressure_near(pa.max(1.0), &mut near.log);
+        log = map.log_pressure_near(pa.max(1.0), &mut warm_start.log);
         if change.abs() <= 1e-13 * pa {
             break;
         }
@@ -207,17 +208,17 @@ pub fn held_pressure(
     let ratio = pa / throat.ambient_pa;
     let pressure = ChamberPressure { pa: pa.max(throat.ambient_pa), log };
     if ratio <= 1.0 {
-        return HeldGas { pressure, nozzle_kg_s: 0.0 };
+        return ChamberOutflow { pressure, nozzle_kg_s: 0.0 };
     }
     let per_c_star = vessel.discharge_coefficient * pa * throat.area_m2;
-    let flow = |c_star_m_s: f64, gamma: f64| per_c_star / c_star_m_s * unchoking(gamma, ratio);
+    let flow = |c_star_m_s: f64, gamma: f64| per_c_star / c_star_m_s * unchoked_share(gamma, ratio);
     let hot = flow(eta * mixture.c_star_m_s(log), mixture.gamma());
     let cold = flow(vessel.cold.c_star_m_s, COLD_GAMMA);
-    HeldGas { pressure, nozzle_kg_s: f * hot + (1.0 - f) * cold }
+    ChamberOutflow { pressure, nozzle_kg_s: f * hot + (1.0 - f) * cold }
 }
 
-/// Share of the choked flow that passes at this Pc/pa, 1/ε(M); 1 when choked.
-fn unchoking(gamma: f64, ratio: f64) -> f64 {
+/// Flow of the throat over its choked flow at this Pc/pa, 1/ε(M); 1 when choked.
+fn unchoked_share(gamma: f64, ratio: f64) -> f64 {
     if ratio >= SURELY_CHOKED {
         return 1.0;
     }

@@ -54,7 +54,7 @@ pub struct CombustionMap {
     gamma_span: (f64, f64),
 }
 
-/// Products of one mixture ratio: what is left is the dependence on pressure.
+/// Combustion products of one mixture ratio, as functions of pressure.
 #[derive(Clone, Copy, Debug)]
 pub struct Mixture<'a> {
     map: &'a CombustionMap,
@@ -108,19 +108,19 @@ impl CombustionMap {
         libm::log(pressure_pa * self.per_reference_pa)
     }
 
-    /// The same by a series where that serves.
+    /// The same by a series around the last pressure where that is near.
     #[inline]
-    pub fn log_pressure_near(&self, pressure_pa: f64, anchor: &mut Anchor) -> f64 {
+    pub(super) fn log_pressure_near(&self, pressure_pa: f64, anchor: &mut Anchor) -> f64 {
         log_near(pressure_pa * self.per_reference_pa, anchor)
     }
 
     /// Least and greatest isentropic exponent; the interpolant does not leave them.
-    pub fn gamma_span(&self) -> (f64, f64) {
+    pub(super) fn gamma_span(&self) -> (f64, f64) {
         self.gamma_span
     }
 
     /// Mixture ratios of the table's ends.
-    pub fn of_span(&self) -> (f64, f64) {
+    pub(super) fn of_span(&self) -> (f64, f64) {
         self.products.span()
     }
 }
@@ -156,7 +156,7 @@ impl Mixture<'_> {
 
     /// Relative slope d ln c*/d ln P.
     #[inline]
-    pub fn c_star_exponent(&self, c_star_m_s: f64) -> f64 {
+    pub(super) fn c_star_exponent(&self, c_star_m_s: f64) -> f64 {
         self.c_star[1] / c_star_m_s
     }
 
@@ -174,10 +174,10 @@ fn bounded(log_pressure: f64) -> f64 {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub fn reference() -> CombustionMap {
+    fn reference() -> CombustionMap {
         CombustionMap::read(include_str!("../../scenarios/vehicles/cea_reference_fit.csv"), 20e5).unwrap()
     }
 

@@ -1,47 +1,9 @@
-//! The feed system's parts: run tank, manifold, isolation and vent valves.
+//! The feed system's parts after the run tank: line, manifold, isolation and vent valves.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::gas_balance::Ullage;
 use super::gas_orifice::gas_flux_kg_m2_s;
-
-/// Run tank: the `[feed.tank]` table.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Tank {
-    /// Pressure at the start (Pa).
-    #[schemars(range(min = 2e5, max = 80e5))]
-    pub pressure_pa: f64,
-    /// Temperature of liquid and ullage (K).
-    #[schemars(range(min = 240.0, max = 306.0))]
-    pub temperature_k: f64,
-    /// Inner radius; the tank is a flat-ended cylinder (m).
-    #[schemars(range(min = 0.01, max = 2.0))]
-    pub radius_m: f64,
-    /// Inner length (m).
-    #[schemars(range(min = 0.02, max = 10.0))]
-    pub length_m: f64,
-    /// Height of the floor above the gimbal pivot (m).
-    #[schemars(range(min = -10.0, max = 10.0))]
-    pub floor_z_m: f64,
-    /// Share of the volume that is gas at the start.
-    #[schemars(range(min = 0.01, max = 0.99))]
-    pub ullage_fraction: f64,
-    /// Liquid below which the outlet draws gas (kg).
-    #[schemars(range(min = 0.0, max = 100.0))]
-    pub unusable_nitrous_kg: f64,
-    /// What stands above the liquid.
-    #[serde(default)]
-    pub ullage: Ullage,
-}
-
-impl Tank {
-    /// Inner volume (m³).
-    pub fn volume_m3(&self) -> f64 {
-        core::f64::consts::PI * self.radius_m * self.radius_m * self.length_m
-    }
-}
 
 /// Pipe between valve and injector: the `[feed.manifold]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -58,7 +20,7 @@ pub struct Manifold {
     pub quasi_steady_below_s: f64,
 }
 
-/// How the pressure between valve and injector comes about.
+/// Whether the pressure between valve and injector is a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ManifoldModel {
@@ -87,6 +49,31 @@ pub struct Line {
     pub drop_m: f64,
 }
 
+/// What line and manifold store, as the equations need it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FeedStores {
+    /// Volume of the manifold (m³); 0 is quasi-steady.
+    pub(super) volume_m3: f64,
+    /// Lag of P2 below which a step is a backward Euler step (s).
+    pub(super) backward_euler_below_s: f64,
+    /// Length over cross-section of the line (1/m); 0 is none.
+    pub(super) inertance_1_m: f64,
+    /// Height of the tank's floor above the valve (m), if the liquid's weight counts.
+    pub(super) head_m: Option<f64>,
+}
+
+impl FeedStores {
+    pub(super) fn new(manifold: &Manifold, line: Option<&Line>) -> Self {
+        let implicit = manifold.model == ManifoldModel::Implicit;
+        Self {
+            volume_m3: if implicit { manifold.volume_m3 } else { 0.0 },
+            backward_euler_below_s: manifold.quasi_steady_below_s,
+            inertance_1_m: line.map_or(0.0, |line| line.length_m / line.area_m2),
+            head_m: line.and_then(|line| line.static_head.then_some(line.drop_m)),
+        }
+    }
+}
+
 /// Isolation valve: the `[feed.isolation]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -102,7 +89,7 @@ pub struct Isolation {
 }
 
 impl Isolation {
-    /// Area of the throttle valve that is left behind this valve, `opened` 0..1 (m²): the lesser of both.
+    /// Open area of throttle valve and isolation valve in series (m²), the latter open by `opened`, 0..1: the lesser.
     pub fn limited_area_m2(&self, throttle_area_m2: f64, opened: f64) -> f64 {
         throttle_area_m2.min(self.area_m2 * opened.clamp(0.0, 1.0))
     }

@@ -1,44 +1,48 @@
 //! [`FeedGrid`]: the feed system of a tank whose pressure and temperature move.
 //!
-//! A [`FeedMap`] is for one state of the tank and costs some steps' time. Maps stand on a grid of pressures and
-//! temperatures around the first state, and what they give is taken as linear over the triangle of three of them
-//! in which the tank's state lies: continuous across the triangles' sides, so a flight converges with its step.
-//! Maps are blended at the same place between floor, flash pressure and tank pressure, so that the kink at the
-//! flash pressure stays one. [`Feed`] is the view at one state: every stage of the integrator sees its own. On a
-//! node of the grid it is the node's map alone, so a tank that keeps its first state costs nothing.
+//! A [`FeedMap`] holds for one state of the tank and costs the time of some steps. So maps are made at the nodes of
+//! a grid over tank pressure and temperature, and between nodes the feed system is interpolated linearly over the
+//! triangle of three nodes that contains the tank's state. Neighbouring triangles agree along their common side, so a
+//! flight converges as its step shrinks. [`Feed`] is the feed system at one state of the tank; every stage of the
+//! integrator takes its own. At a node it is that node's map alone: a tank that keeps its first state costs nothing.
 //!
-//! What linear over 0.5 bar and 0.25 K errs is an eighth of the second difference. Near the vapour pressure, where the
-//! valve's flux has a root's slope, it is up to 8e-4 of the flow; the injector's is good to 2e-5.
+//! Each map has a kink at its own flash pressure. Interpolated at equal P2, the three would give three kinks. So each
+//! map is read at the same relative position, either between the lowest pressure and its flash pressure or
+//! between its flash pressure and its tank pressure: the kinks coincide, and one remains.
+//!
+//! Linear interpolation over 0.5 bar and 0.25 K errs by an eighth of the second difference. Near the vapour pressure,
+//! where the slope of the valve's flux is that of a square root, this is up to 8e-4 of the flow; for the injector it is
+//! 2e-5.
 
 use super::feed_map::{FeedMap, Inlet};
 use crate::fluid::{Nitrous, Stagnation};
 
 /// Spacing of the grid: Pa and K.
 const SPACING: [f64; 2] = [5e4, 0.25];
-/// Nearer to a node than this share of the spacing is on it: 5 mPa, less than P2 is solved to.
+/// A state nearer to a node than this share of the spacing counts as the node: 5 mPa, less than the accuracy of P2.
 const ON_NODE: f64 = 1e-7;
-/// Maps that are kept: a triangle, and one that hovering around a node of the grid comes back to.
+/// Maps that are kept: those of a triangle, and one more for a state that moves to and fro across a side.
 const MAPS: usize = 4;
 
-/// Maps around the state of a tank.
+/// Feed maps at grid nodes around the state of a tank.
 #[derive(Clone, Debug)]
 pub struct FeedGrid {
     origin: [f64; 2],
     maps: [FeedMap; MAPS],
     nodes: [Option<[i32; 2]>; MAPS],
-    /// When each map was last wanted.
-    wanted: [u64; MAPS],
-    clock: u64,
-    triangle: Triangle,
+    /// When each map was last used, counted in changes of the triangle.
+    last_used: [u64; MAPS],
+    change_count: u64,
+    triangle: GridTriangle,
 }
 
-/// Half a cell of the grid: constant inside a step.
+/// Half a cell of the grid, with the maps at its corners: constant inside a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Triangle {
+struct GridTriangle {
     cell: [i32; 2],
-    /// Temperature has come farther from the cell's first corner than pressure.
+    /// The half in which temperature is farther from the cell's first corner than pressure, in units of the spacing.
     warm: bool,
-    /// Its maps; those without weight need not exist.
+    /// Index of the map at each corner; one without weight need not exist.
     corners: [Option<usize>; 3],
 }
 
@@ -49,7 +53,7 @@ pub struct Feed<'a> {
     blend: Option<Blend<'a>>,
 }
 
-/// Between maps.
+/// Interpolation between maps.
 #[derive(Clone, Copy, Debug)]
 struct Blend<'a> {
     parts: [(f64, &'a FeedMap); 3],
@@ -70,7 +74,7 @@ impl<'a> From<&Feed<'a>> for Feed<'a> {
 }
 
 impl FeedGrid {
-    /// Around the state that a map is for.
+    /// Around the state of the tank that a map is for.
     pub fn new(map: FeedMap) -> Self {
         let (tank_pa, tank_k) = map.built_for();
         let mut nodes = [None; MAPS];
@@ -79,25 +83,25 @@ impl FeedGrid {
             origin: [tank_pa, tank_k],
             maps: std::array::from_fn(|_| map.clone()),
             nodes,
-            wanted: [0; MAPS],
-            clock: 0,
-            triangle: Triangle { cell: [0, 0], warm: false, corners: [Some(0), None, None] },
+            last_used: [0; MAPS],
+            change_count: 0,
+            triangle: GridTriangle { cell: [0, 0], warm: false, corners: [Some(0), None, None] },
         }
     }
 
-    /// At a state of the tank; somewhat beyond the triangle the same plane goes on.
+    /// The feed system at a state of the tank; extrapolated where that lies somewhat outside the triangle.
     #[inline]
     pub fn at(&self, tank_pa: f64, tank_k: f64) -> Feed<'_> {
-        let Triangle { cell, warm, corners } = self.triangle;
+        let GridTriangle { cell, warm, corners } = self.triangle;
         if [tank_pa, tank_k] == self.origin && cell == [0, 0] {
             return Feed { first: &self.maps[corners[0].unwrap_or(0)], blend: None };
         }
-        let place = self.place(tank_pa, tank_k);
-        let from = |axis: usize| (place[axis] - f64::from(cell[axis])).clamp(-1.0, 2.0);
+        let position = self.position(tank_pa, tank_k);
+        let from = |axis: usize| (position[axis] - f64::from(cell[axis])).clamp(-1.0, 2.0);
         let (long, short) = if warm { (from(1), from(0)) } else { (from(0), from(1)) };
         let map = |corner: usize| corners[corner].map(|at| &self.maps[at]);
         let first = map(0).unwrap_or(&self.maps[0]);
-        // A map that does not exist yet does from the next step on.
+        // A map that is not made yet will be from the next step on.
         let third = map(2).map_or(0.0, |_| short);
         let second = map(1).map_or(0.0, |_| long - third);
         if second == 0.0 && third == 0.0 {
@@ -108,10 +112,10 @@ impl FeedGrid {
         Feed { first, blend: Some(Blend::of(parts)) }
     }
 
-    /// Follows the tank to another state: makes the maps that its triangle lacks, and says whether the
-    /// triangle is another. No allocation.
+    /// Moves to another state of the tank, between steps: makes the maps that its triangle lacks, and says
+    /// whether the triangle is another. No allocation.
     pub fn follow(&mut self, tank_pa: f64, tank_k: f64) -> bool {
-        let [u, v] = self.place(tank_pa, tank_k);
+        let [u, v] = self.position(tank_pa, tank_k);
         let cell = [u.floor(), v.floor()].map(|x| x as i32);
         let (fu, fv) = (u - u.floor(), v - v.floor());
         let warm = fv > fu;
@@ -124,25 +128,25 @@ impl FeedGrid {
         if now.cell == cell && now.warm == warm && complete {
             return false;
         }
-        self.clock += 1;
+        self.change_count += 1;
         let mut corners = nodes.map(|node| self.nodes.iter().position(|at| *at == Some(node)));
         for at in corners.into_iter().flatten() {
-            self.wanted[at] = self.clock;
+            self.last_used[at] = self.change_count;
         }
         for corner in 0..3 {
             if corners[corner].is_none() && weights[corner] > 0.0 {
-                corners[corner] = Some(self.make(nodes[corner]));
+                corners[corner] = Some(self.make_map(nodes[corner]));
             }
         }
-        self.triangle = Triangle { cell, warm, corners };
+        self.triangle = GridTriangle { cell, warm, corners };
         true
     }
 
-    /// The map of a node, in place of the one that has not been wanted for longest.
-    fn make(&mut self, node: [i32; 2]) -> usize {
+    /// Makes the map of a node, in place of the least recently used one.
+    fn make_map(&mut self, node: [i32; 2]) -> usize {
         let mut oldest = 0;
         for at in 1..MAPS {
-            if self.wanted[at] < self.wanted[oldest] {
+            if self.last_used[at] < self.last_used[oldest] {
                 oldest = at;
             }
         }
@@ -150,18 +154,18 @@ impl FeedGrid {
             std::array::from_fn(|axis| self.origin[axis] + f64::from(node[axis]) * SPACING[axis]);
         self.maps[oldest].rebuild(state[0], state[1]);
         self.nodes[oldest] = Some(node);
-        self.wanted[oldest] = self.clock;
+        self.last_used[oldest] = self.change_count;
         oldest
     }
 
-    /// Where a state is on the grid.
+    /// Position of a state on the grid, in units of its spacing.
     #[inline]
-    fn place(&self, tank_pa: f64, tank_k: f64) -> [f64; 2] {
+    fn position(&self, tank_pa: f64, tank_k: f64) -> [f64; 2] {
         let state = [tank_pa, tank_k];
         std::array::from_fn(|axis| {
-            let place = (state[axis] - self.origin[axis]) / SPACING[axis];
-            let node = place.round();
-            if (place - node).abs() < ON_NODE { node } else { place }
+            let position = (state[axis] - self.origin[axis]) / SPACING[axis];
+            let node = position.round();
+            if (position - node).abs() < ON_NODE { node } else { position }
         })
     }
 }
@@ -181,7 +185,7 @@ impl<'a> Feed<'a> {
         self.blend.as_ref().map_or(self.first.flash_pa(), |blend| blend.flash_pa)
     }
 
-    /// State 2 and the flux of the valve at a pressure between valve and injector.
+    /// State 2 and the flux of the valve at an inlet pressure P2.
     #[inline]
     pub fn inlet(&self, inlet_pa: f64) -> Inlet {
         match &self.blend {

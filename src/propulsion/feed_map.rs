@@ -2,15 +2,14 @@
 //!
 //! State 1 is the liquid in the tank, state 2 the oxidiser between valve and injector (the valve throttles:
 //! h₂ = h₁), state 3 the chamber (the injector expands: s₃ = s₂). At fixed h₁, s₁ every property of state 2,
-//! the choked flux of the injector and the flux of the valve are functions of P₂ alone. They are tabulated
-//! between the pressures at which they have kinks, when the tank's state changes, and cost a
-//! look-up each afterwards.
+//! the choked flux of the injector and the flux of the valve are functions of P₂ alone. They are tabulated once for a
+//! state of the tank, piecewise between the pressures at which they have kinks, and cost a look-up each afterwards.
 
 use super::injector::{OrificePressures, SinglePhase, flashing_flux_kg_m2_s};
-use crate::fluid::{Nitrous, Stagnation};
+use crate::fluid::{CriticalFlow, Nitrous, Stagnation};
 use crate::interpolate::{Bracket, UniformCubic, bracketed_root};
 
-/// Between valve and injector, at one P2.
+/// Oxidiser between valve and injector at one P2, and the fluxes that depend on P2 alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Inlet {
     /// State 2 as the start of the injector's isentrope.
@@ -19,7 +18,7 @@ pub struct Inlet {
     pub quality: f64,
     /// Pressure below which the injector's equilibrium flux is choked (Pa).
     pub critical_pa: f64,
-    /// That flux (kg/(m² s)).
+    /// The injector's choked flux (kg/(m² s)).
     pub critical_flux_kg_m2_s: f64,
     /// Flux through the valve into this pressure (kg/(m² s)).
     pub valve_flux_kg_m2_s: f64,
@@ -103,11 +102,11 @@ impl FeedMap {
     }
 
     /// The same with another form of the flux of valve and injector below their critical pressures.
-    pub fn with_single_phase(self, valve: SinglePhase, injector: SinglePhase) -> Self {
+    pub(super) fn with_single_phase(self, valve: SinglePhase, injector: SinglePhase) -> Self {
         Self { valve_single_phase: valve, injector_single_phase: injector, ..self }
     }
 
-    /// Follows the tank to another state; does nothing when it is the same. No allocation.
+    /// Tabulates anew for another state of the tank; does nothing when it is the same. No allocation.
     ///
     /// A tank pressure below the vapour pressure leaves the liquid saturated at that pressure: it is taken
     /// to have cooled by boiling.
@@ -151,7 +150,7 @@ impl FeedMap {
             if critical.pressure_pa > floor_pa * (1.0 + 1e-9) { 1.0 } else { -1.0 }
         });
         let peak_moves_pa = self.zero_of(self.flash_pa, tank.pressure_pa, |map, pa| {
-            map.injector_critical(n2o, pa, false).onset - 1.0
+            map.injector_critical(n2o, pa, false).onset_mach2 - 1.0
         });
         let kinks = [
             valve.pressure_pa,
@@ -161,12 +160,12 @@ impl FeedMap {
             tank.vapor_pressure_pa,
             FINER_BELOW_PA,
         ];
-        self.flashing_count = self.fill(n2o, (floor_pa, self.flash_pa), kinks, true);
-        self.liquid_count = self.fill(n2o, (self.flash_pa, tank.pressure_pa), kinks, false);
+        self.flashing_count = self.tabulate(n2o, (floor_pa, self.flash_pa), kinks, true);
+        self.liquid_count = self.tabulate(n2o, (self.flash_pa, tank.pressure_pa), kinks, false);
     }
 
-    /// Tank pressure and temperature this map was asked to be for.
-    pub fn built_for(&self) -> (f64, f64) {
+    /// Tank pressure and temperature that this map was asked to be for.
+    pub(super) fn built_for(&self) -> (f64, f64) {
         self.built_for
     }
 
@@ -190,7 +189,7 @@ impl FeedMap {
         self.valve_critical_pa
     }
 
-    /// State 2 and the flux of the valve at a pressure between valve and injector.
+    /// State 2 and the flux of the valve at an inlet pressure P2.
     #[inline(always)]
     pub fn inlet(&self, inlet_pa: f64) -> Inlet {
         let flashing = inlet_pa < self.flash_pa || self.liquid_count == 0;
@@ -206,7 +205,9 @@ impl FeedMap {
         let tank = &self.tank;
         let pressures = OrificePressures {
             upstream_pa: tank.pressure_pa,
-            downstream_pa: self.valve_single_phase.felt_pa(inlet_pa, self.valve_critical_pa),
+            downstream_pa: self
+                .valve_single_phase
+                .effective_back_pressure_pa(inlet_pa, self.valve_critical_pa),
             vapor_pa: tank.vapor_pressure_pa,
         };
         let valve_flux = flashing_flux_kg_m2_s(pressures, tank.density_kg_m3, || {
@@ -236,7 +237,9 @@ impl FeedMap {
     pub fn injector_flux_kg_m2_s(&self, inlet: &Inlet, chamber_pa: f64) -> f64 {
         let pressures = OrificePressures {
             upstream_pa: inlet.state.pressure_pa,
-            downstream_pa: self.injector_single_phase.felt_pa(chamber_pa, inlet.critical_pa),
+            downstream_pa: self
+                .injector_single_phase
+                .effective_back_pressure_pa(chamber_pa, inlet.critical_pa),
             vapor_pa: inlet.state.vapor_pressure_pa,
         };
         flashing_flux_kg_m2_s(pressures, inlet.state.density_kg_m3, || {
@@ -248,7 +251,7 @@ impl FeedMap {
                 let n2o = Nitrous::tables();
                 let flashing = inlet.state.vapor_pressure_pa >= inlet.state.pressure_pa;
                 let state = if flashing {
-                    boiling(n2o, inlet.state.pressure_pa, inlet.state.enthalpy_j_kg).0
+                    boiling_state(n2o, inlet.state.pressure_pa, inlet.state.enthalpy_j_kg).0
                 } else {
                     inlet.state
                 };
@@ -265,7 +268,9 @@ impl FeedMap {
         let flashing = inlet_pa < self.flash_pa;
         let pressures = OrificePressures {
             upstream_pa: tank.pressure_pa,
-            downstream_pa: self.valve_single_phase.felt_pa(inlet_pa, self.valve_critical_pa),
+            downstream_pa: self
+                .valve_single_phase
+                .effective_back_pressure_pa(inlet_pa, self.valve_critical_pa),
             vapor_pa: tank.vapor_pressure_pa,
         };
         let choked_pa = inlet_pa.max(self.valve_critical_pa);
@@ -273,7 +278,7 @@ impl FeedMap {
             n2o.equilibrium_flux_kg_m2_s(tank, choked_pa)
         });
         Inlet {
-            state: throttled(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing).0,
+            state: throttled_state(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing).0,
             quality: row[Column::Quality as usize],
             critical_pa: row[Column::CriticalPressure as usize],
             critical_flux_kg_m2_s: row[Column::CriticalFlux as usize],
@@ -282,7 +287,7 @@ impl FeedMap {
     }
 
     /// Tabulates one side of the flash pressure between the kinks that fall into it.
-    fn fill(&mut self, n2o: &Nitrous, (from, to): (f64, f64), kinks: [f64; 6], flashing: bool) -> usize {
+    fn tabulate(&mut self, n2o: &Nitrous, (from, to): (f64, f64), kinks: [f64; 6], flashing: bool) -> usize {
         if to - from <= SAME_PA {
             return 0;
         }
@@ -315,7 +320,7 @@ impl FeedMap {
 
     /// One row of the table. `guess_pa` carries the choking pressure from row to row.
     fn row(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool, guess_pa: &mut f64) -> [f64; COLUMNS] {
-        let (state, quality) = throttled(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing);
+        let (state, quality) = throttled_state(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing);
         let critical = n2o.critical(&state, if guess_pa.is_nan() { 0.8 * inlet_pa } else { *guess_pa });
         *guess_pa = critical.pressure_pa;
         let tank = &self.tank;
@@ -339,26 +344,26 @@ impl FeedMap {
         row
     }
 
-    fn injector_critical(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool) -> crate::fluid::Critical {
-        n2o.critical(&throttled(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing).0, 0.8 * inlet_pa)
+    fn injector_critical(&self, n2o: &Nitrous, inlet_pa: f64, flashing: bool) -> CriticalFlow {
+        n2o.critical(&throttled_state(n2o, inlet_pa, self.tank.enthalpy_j_kg, flashing).0, 0.8 * inlet_pa)
     }
 
-    /// Pressure in a range at which a function that rises with it passes zero, or the end nearest to that.
+    /// Pressure in a range at which a rising function passes zero, or the end nearest to that.
     fn zero_of(&self, from: f64, to: f64, f: impl Fn(&Self, f64) -> f64) -> f64 {
         let bracket = Bracket { low: from, high: to, guess: f64::NAN, slope: None, tolerance: 0.01 };
         bracketed_root(bracket, |pa| f(self, pa)).x
     }
 }
 
-/// State 2 and its vapour share behind a valve that throttles: h₂ = h₁, boiling or liquid.
-pub(super) fn throttled(
+/// State 2 and its quality behind the valve, which throttles: h₂ = h₁, boiling or liquid.
+pub(super) fn throttled_state(
     n2o: &Nitrous,
     inlet_pa: f64,
     enthalpy_j_kg: f64,
     flashing: bool,
 ) -> (Stagnation, f64) {
     if flashing {
-        return boiling(n2o, inlet_pa, enthalpy_j_kg);
+        return boiling_state(n2o, inlet_pa, enthalpy_j_kg);
     }
     let liquid = n2o.liquid_of_enthalpy(inlet_pa, enthalpy_j_kg);
     let state = Stagnation {
@@ -372,7 +377,7 @@ pub(super) fn throttled(
 }
 
 /// Boiling state and its quality at a pressure and an enthalpy.
-fn boiling(n2o: &Nitrous, pressure_pa: f64, enthalpy_j_kg: f64) -> (Stagnation, f64) {
+fn boiling_state(n2o: &Nitrous, pressure_pa: f64, enthalpy_j_kg: f64) -> (Stagnation, f64) {
     let line = n2o.saturation(pressure_pa);
     let quality = line.quality_of_enthalpy(enthalpy_j_kg);
     let state = Stagnation {

@@ -24,88 +24,11 @@
 
 use core::ops::{Add, Mul};
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::feed::Tank;
 use super::pressurant::{BottleModel, NitrogenState, Pressurant, Regulator};
+use super::tank::{Tank, Ullage, UllageModel};
 use crate::fluid::{GasPoint, Interface, NitrousVapor, RealGas};
-use crate::input::Invalid;
 
-/// What stands above the liquid: the `[feed.tank.ullage]` table.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Ullage {
-    /// How the gas above the liquid takes its expansion.
-    pub model: UllageModel,
-    /// Conductance from gas to liquid and shell (W/K); `energy_balance` only.
-    #[schemars(range(min = 0.0, max = 1000.0))]
-    pub heat_conductance_w_k: f64,
-    /// Heat capacity of the tank's shell, at the liquid's temperature (J/K); `energy_balance` only.
-    #[schemars(range(min = 100.0, max = 1e6))]
-    pub shell_heat_capacity_j_k: f64,
-    /// Vapour that the surface gives per pressure it lacks (kg/(s Pa)); 0 is a stratified gas without
-    /// vapour, 1 is equilibrium; `energy_balance` only. Above 0, the tank must have room below its set pressure for
-    /// the vapour that `vapor_saturation` lacks: no relief valve is modelled.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub vapor_conductance_kg_s_pa: f64,
-    /// Partial pressure of the vapour at the start, as a share of the vapour pressure; `energy_balance` only.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub vapor_saturation: f64,
-}
-
-impl Default for Ullage {
-    fn default() -> Self {
-        Self {
-            model: UllageModel::ConstantTemperature,
-            heat_conductance_w_k: 0.0,
-            // 8.2 kg of aluminium, 900 J/(kg K); without effect at constant temperature.
-            shell_heat_capacity_j_k: 7400.0,
-            vapor_conductance_kg_s_pa: 0.0,
-            vapor_saturation: 0.0,
-        }
-    }
-}
-
-impl Ullage {
-    /// Refuses a tank that its own vapour would raise above what the regulator keeps: pressure (Pa) and temperature
-    /// (K) at the start.
-    ///
-    /// # Errors
-    /// With the pressure that it would reach.
-    pub fn validate(&self, tank_pa: f64, tank_k: f64, regulator: &Regulator) -> Result<(), Invalid> {
-        if self.model == UllageModel::ConstantTemperature || self.vapor_conductance_kg_s_pa <= 0.0 {
-            return Ok(());
-        }
-        let vapor_pa = NitrousVapor::tables().interface(tank_k).vapor_pressure_pa;
-        let start_pa = tank_pa.max(self.vapor_saturation * vapor_pa);
-        let reached_pa = start_pa + (1.0 - self.vapor_saturation) * vapor_pa;
-        let allowed_pa = regulator.greatest_pa().max(start_pa);
-        if reached_pa <= allowed_pa {
-            return Ok(());
-        }
-        let message = format!(
-            "{}: vapour would raise the tank from {:.1} to {:.1} bar, above {:.1}; allowed 0, or vapor_saturation = 1",
-            self.vapor_conductance_kg_s_pa,
-            start_pa * 1e-5,
-            reached_pa * 1e-5,
-            allowed_pa * 1e-5
-        );
-        Err(Invalid::new("vapor_conductance_kg_s_pa", message))
-    }
-}
-
-/// How the gas above the liquid takes its expansion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum UllageModel {
-    /// Nitrogen at the tank's temperature.
-    ConstantTemperature,
-    /// Nitrogen and vapour with a balance of energy; the liquid cools as it evaporates.
-    EnergyBalance,
-}
-
-/// Bottle and tank beside the nitrogen's total and the liquid: state, and by its shape its rate.
+/// State of the gas beside the masses of all nitrogen and of the liquid; its rate has the same shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GasState {
     /// Nitrogen in the bottle (kg).
@@ -169,7 +92,7 @@ const LEAST_KG: f64 = 1e-7;
 const GAS_K: (f64, f64) = (130.0, 430.0);
 const LIQUID_K: (f64, f64) = (184.0, 307.0);
 
-/// The balances: parameters.
+/// Parameters of the balances.
 #[derive(Clone, Debug)]
 pub struct GasBalance {
     pressurant: Pressurant,
@@ -178,7 +101,7 @@ pub struct GasBalance {
     liquid_kg_m3: f64,
 }
 
-/// What the balances are struck over.
+/// Contents of bottle and run tank, and how its regulator stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stores {
     /// All nitrogen, bottle and tank (kg).
@@ -191,7 +114,7 @@ pub struct Stores {
     pub regulator_sag_pa: f64,
 }
 
-/// What leaves.
+/// Flows out of the stores.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Withdrawal {
     /// Liquid through the outlet (kg/s).
@@ -219,9 +142,9 @@ pub struct StoresRate {
     pub enthalpy_out_w: f64,
 }
 
-/// The stores, looked at once.
+/// Pressures, masses and gas properties that follow from the stores.
 #[derive(Clone, Copy, Debug)]
-pub struct GasView {
+pub struct GasProperties {
     stores: Stores,
     /// Pressures and masses.
     pub nitrogen: NitrogenState,
@@ -232,7 +155,7 @@ pub struct GasView {
     interface: Interface,
 }
 
-impl GasView {
+impl GasProperties {
     /// Density of the gas above the liquid (kg/m³).
     pub fn ullage_density_kg_m3(&self) -> f64 {
         (self.nitrogen.tank_kg + self.nitrogen.vapor_kg) / self.ullage_m3
@@ -267,7 +190,7 @@ impl GasBalance {
         }
     }
 
-    /// The start: everything at rest, so much of the nitrogen in the bottle.
+    /// State at the start, everything at rest: nitrogen in the bottle (kg), liquid (kg) and its temperature (K).
     pub fn initial(&self, bottle_kg: f64, nitrous_kg: f64, temperature_k: f64) -> GasState {
         let vapor = NitrousVapor::tables();
         let saturated = vapor.saturated_density_kg_m3(temperature_k);
@@ -293,16 +216,16 @@ impl GasBalance {
         (self.tank_m3 - nitrous_kg / self.liquid_kg_m3).max(LEAST_ULLAGE * self.tank_m3)
     }
 
-    /// Pressures and properties of the stores.
-    pub fn look(&self, stores: &Stores) -> GasView {
+    /// Evaluates the stores once, for all that depends on them.
+    pub fn properties(&self, stores: &Stores) -> GasProperties {
         let gas = &stores.gas;
         let bottle_kg = gas.bottle_kg.max(0.0);
         let tank_kg = (stores.nitrogen_kg - bottle_kg).max(0.0);
         let vapor_kg = gas.vapor_kg.max(0.0);
         let ullage_m3 = self.ullage_m3(stores.nitrous_kg);
-        let nitrogen = RealGas::nitrogen();
-        let bottle = nitrogen.at(bottle_kg / self.pressurant.bottle.volume_m3, gas.bottle_k);
-        let tank = nitrogen.at(tank_kg / ullage_m3, gas.ullage_k);
+        let gas_table = RealGas::nitrogen();
+        let bottle = gas_table.at(bottle_kg / self.pressurant.bottle.volume_m3, gas.bottle_k);
+        let tank = gas_table.at(tank_kg / ullage_m3, gas.ullage_k);
         let (vapor, interface) = match self.ullage.model {
             UllageModel::ConstantTemperature => (GasPoint::default(), Interface::default()),
             UllageModel::EnergyBalance => {
@@ -312,7 +235,7 @@ impl GasBalance {
         };
         let regulator = &self.pressurant.regulator;
         let tank_pa = tank.pressure_pa + vapor.pressure_pa;
-        let view = NitrogenState {
+        let nitrogen = NitrogenState {
             tank_pa,
             bottle_pa: bottle.pressure_pa,
             tank_kg,
@@ -323,21 +246,21 @@ impl GasBalance {
             vapor_kg,
             liquid_k: gas.liquid_k,
         };
-        GasView { stores: *stores, nitrogen: view, ullage_m3, bottle, tank, vapor, interface }
+        GasProperties { stores: *stores, nitrogen, ullage_m3, bottle, tank, vapor, interface }
     }
 
     /// How the stores change.
-    pub fn rate(&self, view: &GasView, out: &Withdrawal) -> StoresRate {
-        let GasView { bottle, tank, vapor, .. } = view;
-        let state = &view.stores.gas;
-        let evaporation_kg_s = self.evaporation_kg_s(view);
-        let vapor_share = view.vapor_share();
+    pub fn rate(&self, properties: &GasProperties, out: &Withdrawal) -> StoresRate {
+        let GasProperties { bottle, tank, vapor, .. } = properties;
+        let state = &properties.stores.gas;
+        let evaporation_kg_s = self.evaporation_kg_s(properties);
+        let vapor_share = properties.vapor_share();
         let nitrogen_out_kg_s = (1.0 - vapor_share) * out.gas_kg_s;
         let vapor_out_kg_s = vapor_share * out.gas_kg_s;
 
         // Bottle: how its temperature and pressure answer to outflow and to heat.
         let bottle_m3 = self.pressurant.bottle.volume_m3;
-        let bottle_kg = view.nitrogen.bottle_kg;
+        let bottle_kg = properties.nitrogen.bottle_kg;
         let bottle_j_k = bottle_kg.max(LEAST_KG) * bottle.energy_per_k;
         let (heat_w, cooling_j_kg) = match self.pressurant.bottle.model {
             BottleModel::Isothermal => (0.0, 0.0),
@@ -356,21 +279,21 @@ impl GasBalance {
         let bottle_pa_s = bottle.pressure_per_k * heat_w / bottle_j_k - bottle_pa_per_kg * out.thrusters_kg_s;
 
         // Ullage without the regulator, and what a unit of the regulator's flow does to it.
-        let room_m3 = view.ullage_m3;
+        let room_m3 = properties.ullage_m3;
         let room_m3_s = (out.liquid_kg_s + evaporation_kg_s) / self.liquid_kg_m3;
-        let densities = [view.nitrogen.tank_kg / room_m3, view.nitrogen.vapor_kg / room_m3];
+        let densities = [properties.nitrogen.tank_kg / room_m3, properties.nitrogen.vapor_kg / room_m3];
         let nitrogen_rate = (-nitrogen_out_kg_s - densities[0] * room_m3_s) / room_m3; // [kg/(m³ s)]
         let vapor_rate = (evaporation_kg_s - vapor_out_kg_s - densities[1] * room_m3_s) / room_m3;
-        let tank_kg = view.nitrogen.tank_kg.max(LEAST_KG);
-        let vapor_kg = view.nitrogen.vapor_kg;
+        let tank_kg = properties.nitrogen.tank_kg.max(LEAST_KG);
+        let vapor_kg = properties.nitrogen.vapor_kg;
         let ullage_j_k = tank_kg * tank.energy_per_k + vapor_kg * vapor.energy_per_k;
         let (to_gas_w, ullage_k_s, ullage_k_per_kg) = match self.ullage.model {
             UllageModel::ConstantTemperature => (0.0, 0.0, 0.0),
             UllageModel::EnergyBalance => {
                 let conductance_w_k = self.ullage.heat_conductance_w_k.min(ullage_j_k / SHORTEST_S);
                 let to_gas_w = conductance_w_k * (state.liquid_k - state.ullage_k);
-                let surface = &view.interface;
-                let energy_w = to_gas_w - view.nitrogen.tank_pa * room_m3_s
+                let surface = &properties.interface;
+                let energy_w = to_gas_w - properties.nitrogen.tank_pa * room_m3_s
                     + evaporation_kg_s * (surface.vapor_enthalpy_j_kg - vapor.energy_j_kg)
                     - nitrogen_out_kg_s * (tank.enthalpy_j_kg - tank.energy_j_kg)
                     - vapor_out_kg_s * (vapor.enthalpy_j_kg - vapor.energy_j_kg)
@@ -390,25 +313,25 @@ impl GasBalance {
         let tank_pa_per_kg = (cold_pa_per_kg + pressure_per_k * ullage_k_per_kg).max(0.1 * cold_pa_per_kg);
 
         let regulator_kg_s = self.pressurant.regulator.flow_kg_s(&Regulation {
-            tank_pa: view.nitrogen.tank_pa,
+            tank_pa: properties.nitrogen.tank_pa,
             tank_pa_s,
             tank_pa_per_kg,
-            bottle_pa: view.nitrogen.bottle_pa,
+            bottle_pa: properties.nitrogen.bottle_pa,
             bottle_pa_s,
             bottle_pa_per_kg,
             most_kg_s: bottle_kg / SHORTEST_S,
-            sag_pa: view.stores.regulator_sag_pa,
+            sag_pa: properties.stores.regulator_sag_pa,
         });
         let from_bottle_kg_s = regulator_kg_s + out.thrusters_kg_s;
 
-        // Liquid and shell pay for the vapour and for the heat of the gas.
+        // Liquid and shell give the heat of evaporation and the heat that goes into the gas.
         let liquid_k_s = match self.ullage.model {
             UllageModel::ConstantTemperature => 0.0,
             UllageModel::EnergyBalance => {
-                let surface = &view.interface;
-                let capacity_j_k = view.stores.nitrous_kg.max(0.0) * surface.liquid_energy_per_k
+                let surface = &properties.interface;
+                let capacity_j_k = properties.stores.nitrous_kg.max(0.0) * surface.liquid_energy_per_k
                     + self.ullage.shell_heat_capacity_j_k;
-                let liquid_j_kg = self.liquid_enthalpy_j_kg(view);
+                let liquid_j_kg = self.liquid_enthalpy_j_kg(properties);
                 (evaporation_kg_s * (liquid_j_kg - surface.vapor_enthalpy_j_kg) - to_gas_w) / capacity_j_k
             }
         };
@@ -428,14 +351,14 @@ impl GasBalance {
                 ullage_k: bounded(ullage_k_s + ullage_k_per_kg * regulator_kg_s, state.ullage_k),
                 liquid_k: liquid_k_s,
             },
-            enthalpy_out_w: out.liquid_kg_s * self.liquid_enthalpy_j_kg(view)
+            enthalpy_out_w: out.liquid_kg_s * self.liquid_enthalpy_j_kg(properties)
                 + nitrogen_out_kg_s * tank.enthalpy_j_kg
                 + vapor_out_kg_s * vapor.enthalpy_j_kg
                 + out.thrusters_kg_s * bottle.enthalpy_j_kg,
         }
     }
 
-    /// The state with what integration may leave outside the tables brought back.
+    /// The state clamped to the range of the tables, which integration may leave by a little.
     pub fn kept_in_range(&self, gas: &GasState, nitrogen_kg: f64) -> GasState {
         GasState {
             bottle_kg: gas.bottle_kg.clamp(0.0, nitrogen_kg.max(0.0)),
@@ -448,39 +371,39 @@ impl GasBalance {
     }
 
     /// Energy of bottle, wall, ullage, liquid and shell (J).
-    pub fn energy_j(&self, view: &GasView) -> f64 {
-        let gas = &view.stores.gas;
-        view.nitrogen.bottle_kg * view.bottle.energy_j_kg
+    pub fn energy_j(&self, properties: &GasProperties) -> f64 {
+        let gas = &properties.stores.gas;
+        properties.nitrogen.bottle_kg * properties.bottle.energy_j_kg
             + self.pressurant.bottle.wall_heat_capacity_j_k * gas.wall_k
-            + view.nitrogen.tank_kg * view.tank.energy_j_kg
-            + view.nitrogen.vapor_kg * view.vapor.energy_j_kg
-            + view.stores.nitrous_kg * view.interface.liquid_energy_j_kg
+            + properties.nitrogen.tank_kg * properties.tank.energy_j_kg
+            + properties.nitrogen.vapor_kg * properties.vapor.energy_j_kg
+            + properties.stores.nitrous_kg * properties.interface.liquid_energy_j_kg
             + self.ullage.shell_heat_capacity_j_k * gas.liquid_k
     }
 
     /// Enthalpy of the liquid, incompressible at the density it was filled with (J/kg).
-    fn liquid_enthalpy_j_kg(&self, view: &GasView) -> f64 {
-        view.interface.liquid_energy_j_kg + view.nitrogen.tank_pa / self.liquid_kg_m3
+    fn liquid_enthalpy_j_kg(&self, properties: &GasProperties) -> f64 {
+        properties.interface.liquid_energy_j_kg + properties.nitrogen.tank_pa / self.liquid_kg_m3
     }
 
     /// Vapour off the surface, and boiling where the vapour pressure exceeds the whole (kg/s).
-    fn evaporation_kg_s(&self, view: &GasView) -> f64 {
+    fn evaporation_kg_s(&self, properties: &GasProperties) -> f64 {
         if self.ullage.model == UllageModel::ConstantTemperature {
             return 0.0;
         }
         // Conductance at which the vapour reaches equilibrium in the shortest time.
         let r = NitrousVapor::tables().gas_constant_j_kg_k();
-        let fastest = view.ullage_m3 / (r * view.stores.gas.ullage_k.max(1.0) * SHORTEST_S);
-        let at_surface_pa = view.interface.vapor_pressure_pa;
-        let from_surface =
-            self.ullage.vapor_conductance_kg_s_pa.min(fastest) * (at_surface_pa - view.vapor.pressure_pa);
-        let boiling = fastest * (at_surface_pa - view.nitrogen.tank_pa).max(0.0);
-        let most = view.stores.nitrous_kg.max(0.0) / SHORTEST_S;
-        (from_surface + boiling).clamp(-view.nitrogen.vapor_kg / SHORTEST_S, most)
+        let fastest = properties.ullage_m3 / (r * properties.stores.gas.ullage_k.max(1.0) * SHORTEST_S);
+        let at_surface_pa = properties.interface.vapor_pressure_pa;
+        let from_surface = self.ullage.vapor_conductance_kg_s_pa.min(fastest)
+            * (at_surface_pa - properties.vapor.pressure_pa);
+        let boiling = fastest * (at_surface_pa - properties.nitrogen.tank_pa).max(0.0);
+        let most = properties.stores.nitrous_kg.max(0.0) / SHORTEST_S;
+        (from_surface + boiling).clamp(-properties.nitrogen.vapor_kg / SHORTEST_S, most)
     }
 }
 
-/// What a regulator works between.
+/// Pressures on both sides of a regulator, and how they answer to its flow.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Regulation {
     tank_pa: f64,
@@ -502,14 +425,14 @@ impl Regulator {
     /// linear equation.
     fn flow_kg_s(&self, at: &Regulation) -> f64 {
         let per_s = 1.0 / self.response_time_s;
-        let toward = |outlet_pa: f64, fall_pa_s_kg: f64| {
+        let flow_toward = |outlet_pa: f64, fall_pa_s_kg: f64| {
             ((outlet_pa - at.tank_pa) * per_s - at.tank_pa_s) / (at.tank_pa_per_kg + fall_pa_s_kg * per_s)
         };
         let set_pa = self.set_pressure_pa - at.sag_pa;
-        let mut flow_kg_s = toward(set_pa, self.droop_pa_s_kg);
+        let mut flow_kg_s = flow_toward(set_pa, self.droop_pa_s_kg);
         if self.lockup_pa > 0.0 && flow_kg_s < self.lockup_flow_kg_s {
             let fall_pa_s_kg = self.droop_pa_s_kg + self.lockup_pa / self.lockup_flow_kg_s;
-            flow_kg_s = toward(set_pa + self.lockup_pa, fall_pa_s_kg);
+            flow_kg_s = flow_toward(set_pa + self.lockup_pa, fall_pa_s_kg);
         }
         let above_pa = at.bottle_pa - self.minimum_drop_pa - at.tank_pa;
         let blow_down_kg_s = (above_pa * per_s + at.bottle_pa_s - at.tank_pa_s)

@@ -6,7 +6,7 @@
 const GAMMA: f64 = 1.4;
 const CRITICAL: f64 = 0.528_281_787_717_174_2; // (2/(γ+1))^(γ/(γ-1))
 
-/// Flux (kg/(m² s)) of gas at rest with a pressure and density into a pressure.
+/// Flux (kg/(m² s)) into a downstream pressure, of gas at rest with a pressure and a density.
 pub(super) fn gas_flux_kg_m2_s(pressure_pa: f64, density_kg_m3: f64, downstream_pa: f64) -> f64 {
     let ratio = (downstream_pa / pressure_pa).max(CRITICAL);
     if ratio >= 1.0 || pressure_pa <= 0.0 || ratio.is_nan() {

@@ -60,7 +60,7 @@ impl Grain {
         self.regression_coefficient_si * libm::pow(self.length_m, self.length_exponent)
     }
 
-    /// Rules between the keys.
+    /// Checks the keys against each other.
     pub fn validate(&self) -> Result<(), Invalid> {
         let lag_s = self.fuel_flow_lag_s;
         if lag_s > 0.0 && lag_s < LEAST_LAG_S {
@@ -101,7 +101,7 @@ impl Grain {
     }
 
     /// Volume of the ports (m³).
-    pub fn port_volume_m3(&self, port_radius_m: f64) -> f64 {
+    pub(super) fn port_volume_m3(&self, port_radius_m: f64) -> f64 {
         PI * f64::from(self.port_count) * port_radius_m * port_radius_m * self.length_m
     }
 
@@ -111,13 +111,13 @@ impl Grain {
     }
 
     /// Oxidiser flux per oxidiser flow (1/m²): one over the area of the ports.
-    pub fn flux_per_flow_1_m2(&self, port_radius_m: f64) -> f64 {
+    pub(super) fn flux_per_flow_1_m2(&self, port_radius_m: f64) -> f64 {
         1.0 / (PI * f64::from(self.port_count) * port_radius_m * port_radius_m)
     }
 
     /// Port radius (m) after a time of constant oxidiser flow, Eq 4, not beyond burn-through:
     /// R(t)^(2n+1) = R₀^(2n+1) + a (2n+1) (ṁ_o/(π N))^n t.
-    pub fn port_radius_after_m(&self, port_radius_m: f64, oxidizer_kg_s: f64, time_s: f64) -> f64 {
+    pub(super) fn port_radius_after_m(&self, port_radius_m: f64, oxidizer_kg_s: f64, time_s: f64) -> f64 {
         let n = self.regression_exponent;
         let p = 2.0 * n + 1.0;
         let flow = oxidizer_kg_s.max(0.0) / (PI * f64::from(self.port_count));
@@ -127,8 +127,8 @@ impl Grain {
         (port_radius_m * libm::exp(ratio)).min(self.burn_through_radius_m().max(port_radius_m))
     }
 
-    /// Fuel burnt (kg) in a time of constant oxidiser flow, Eq 7 with its true meaning: the print calls it what is left.
-    pub fn fuel_burnt_kg(&self, port_radius_m: f64, oxidizer_kg_s: f64, time_s: f64) -> f64 {
+    /// Fuel burnt (kg) in a time of constant oxidiser flow: Eq 7, which the print calls the fuel left.
+    pub(super) fn fuel_burnt_kg(&self, port_radius_m: f64, oxidizer_kg_s: f64, time_s: f64) -> f64 {
         let grown_m = self.port_radius_after_m(port_radius_m, oxidizer_kg_s, time_s);
         let ports = f64::from(self.port_count);
         // The difference of squares as a product: a short step keeps its digits.
@@ -141,13 +141,18 @@ impl Grain {
         let area_m2 = PI * f64::from(self.port_count) * port_radius_m * port_radius_m;
         self.coefficient_si() * libm::pow(oxidizer_kg_s.max(0.0) / area_m2, self.regression_exponent)
     }
+
+    /// Rate of a lagging fuel flow (kg/s²); zero without a lag.
+    pub fn fuel_flow_rate_kg_s2(&self, fuel_flow_kg_s: f64, steady_kg_s: f64) -> f64 {
+        if self.fuel_flow_lag_s > 0.0 { (steady_kg_s - fuel_flow_kg_s) / self.fuel_flow_lag_s } else { 0.0 }
+    }
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub fn reference(port_count: u32) -> Grain {
+    fn reference(port_count: u32) -> Grain {
         Grain {
             regression_coefficient_si: 1.05e-4,
             regression_exponent: 0.55,

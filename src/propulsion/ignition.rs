@@ -92,7 +92,7 @@ pub struct Flame {
     pub low_pressure_since: Option<SimTime>,
 }
 
-/// What the flame sees.
+/// What decides whether the flame lights or goes out.
 #[derive(Clone, Copy, Debug)]
 pub struct FlameConditions {
     /// Now.
@@ -111,7 +111,7 @@ pub struct FlameConditions {
 
 impl Ignition {
     /// Whether the igniter's flame burns, `late_s` later than it should.
-    pub fn igniter_burns(&self, flame: &Flame, time: SimTime, late_s: f64) -> bool {
+    fn igniter_burns(&self, flame: &Flame, time: SimTime, late_s: f64) -> bool {
         flame.igniter_fired.is_some_and(|fired| {
             let age = time.since(fired);
             let from = SimTime::from_s(self.igniter_delay_s + late_s);
@@ -155,10 +155,10 @@ impl Ignition {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub fn reference() -> Ignition {
+    fn reference() -> Ignition {
         Ignition {
             igniter_delay_s: 0.3,
             igniter_burn_s: 2.0,
@@ -174,7 +174,7 @@ pub(super) mod tests {
         }
     }
 
-    fn seen(ms: u64, igniter: bool, oxidizer_kg_s: f64, chamber_pa: f64) -> FlameConditions {
+    fn conditions(ms: u64, igniter: bool, oxidizer_kg_s: f64, chamber_pa: f64) -> FlameConditions {
         FlameConditions {
             time: SimTime::from_us(1000 * ms),
             igniter,
@@ -192,7 +192,7 @@ pub(super) mod tests {
         let mut lit_ms = None;
         for ms in 0..1000 {
             let flow = if ms < 500 { 0.01 } else { 0.15 };
-            flame = ignition.advance(&flame, &seen(ms, true, flow, 3e5));
+            flame = ignition.advance(&flame, &conditions(ms, true, flow, 3e5));
             if flame.lit && lit_ms.is_none() {
                 lit_ms = Some(ms);
             }
@@ -204,14 +204,14 @@ pub(super) mod tests {
     fn a_spent_igniter_lights_nothing_and_low_pressure_puts_out() {
         let ignition = reference();
         let fired = Flame { igniter_fired: Some(SimTime::ZERO), ..Flame::default() };
-        assert!(!ignition.advance(&fired, &seen(2301, true, 0.2, 1e5)).lit);
+        assert!(!ignition.advance(&fired, &conditions(2301, true, 0.2, 1e5)).lit);
         let mut flame = Flame { lit: true, was_lit: true, ..Flame::default() };
-        flame = ignition.advance(&flame, &seen(0, false, 0.05, 1.9e5));
-        flame = ignition.advance(&flame, &seen(99, false, 0.05, 1.9e5));
+        flame = ignition.advance(&flame, &conditions(0, false, 0.05, 1.9e5));
+        flame = ignition.advance(&flame, &conditions(99, false, 0.05, 1.9e5));
         assert!(flame.lit);
-        assert!(!ignition.advance(&flame, &seen(100, false, 0.05, 1.9e5)).lit);
+        assert!(!ignition.advance(&flame, &conditions(100, false, 0.05, 1.9e5)).lit);
         // A moment above the pressure starts the count again.
-        let saved = ignition.advance(&flame, &seen(99, false, 0.05, 2.1e5));
-        assert!(ignition.advance(&saved, &seen(100, false, 0.05, 1.9e5)).lit);
+        let saved = ignition.advance(&flame, &conditions(99, false, 0.05, 2.1e5));
+        assert!(ignition.advance(&saved, &conditions(100, false, 0.05, 1.9e5)).lit);
     }
 }

@@ -49,9 +49,9 @@ pub enum SinglePhase {
 }
 
 impl SinglePhase {
-    /// Back pressure that the orifice feels (Pa).
+    /// Back pressure that sets the flux (Pa).
     #[inline]
-    pub fn felt_pa(self, downstream_pa: f64, critical_pa: f64) -> f64 {
+    pub(super) fn effective_back_pressure_pa(self, downstream_pa: f64, critical_pa: f64) -> f64 {
         match self {
             Self::Incompressible => downstream_pa,
             Self::Choked => downstream_pa.max(critical_pa),
@@ -69,18 +69,18 @@ impl Injector {
 
 /// Pressures that decide how SPI and HEM are weighed.
 #[derive(Clone, Copy, Debug)]
-pub struct OrificePressures {
+pub(super) struct OrificePressures {
     /// Upstream (Pa).
-    pub upstream_pa: f64,
+    pub(super) upstream_pa: f64,
     /// Downstream (Pa).
-    pub downstream_pa: f64,
+    pub(super) downstream_pa: f64,
     /// Vapour pressure upstream (Pa); the upstream pressure itself when that is two-phase.
-    pub vapor_pa: f64,
+    pub(super) vapor_pa: f64,
 }
 
-/// Flux (kg/(m² s)) through an orifice. `equilibrium_flux` is asked only when something boils.
+/// Flux (kg/(m² s)) through an orifice. `equilibrium_flux` is called only where something boils.
 #[inline]
-pub fn flashing_flux_kg_m2_s(
+pub(super) fn flashing_flux_kg_m2_s(
     pressures: OrificePressures,
     density_kg_m3: f64,
     equilibrium_flux: impl FnOnce() -> f64,

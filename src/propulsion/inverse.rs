@@ -3,10 +3,10 @@
 //! Thrust → oxidiser flow (the thrust rises with it: one bracketed root, where the seed paper sweeps) →
 //! chamber pressure → P2 from the injector → valve area → angle. What cannot be had is clamped and flagged.
 
-use super::engine::{
-    ChamberWarmStart, Engine, EngineAtCondition, EngineCondition, INLET_TOLERANCE, OperatingPoint, WarmStart,
-};
+use super::engine::{Engine, INLET_TOLERANCE};
 use super::feed_grid::Feed;
+use super::operating_point::{ChamberWarmStart, EngineCondition, OperatingPoint, WarmStart};
+use super::thrust_chamber::ThrustChamberAtCondition;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
 /// Answer of the inverse problem.
@@ -26,22 +26,22 @@ pub struct Inverse {
 const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 
 impl Engine {
-    /// Valve angle for a steady thrust. What lags in the engine, chamber gas or fuel flow, is not looked at:
-    /// the answer is for the steady engine.
+    /// Valve angle for a steady thrust. The answer is for the steady engine, whatever gas is in the chamber and
+    /// whatever fuel comes off the grain.
     pub fn inverse<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
         thrust_n: f64,
         condition: &EngineCondition,
-        guess: WarmStart,
+        warm_start: WarmStart,
     ) -> Inverse {
         let feed = &feed.into();
         let steady = EngineCondition { chamber_gas: None, fuel_flow_kg_s: None, outlet: None, ..*condition };
-        let at_condition = self.at_condition(&steady);
+        let at_condition = self.thrust_chamber.at_condition(&steady);
         let (least_kg_s, most_kg_s) = self.demand_kg_s;
-        let mut near = guess.near;
+        let mut chamber = warm_start.chamber;
         let excess_n = |oxidizer_kg_s: f64| {
-            let hot = at_condition.burning(oxidizer_kg_s, &mut near);
+            let hot = at_condition.hot_flow(oxidizer_kg_s, &mut chamber);
             at_condition.thrust(oxidizer_kg_s, &hot).0 - thrust_n
         };
         let bracket = Bracket {
@@ -55,32 +55,30 @@ impl Engine {
         let root = bracketed_root(bracket, excess_n);
         let beyond = !matches!(root.status, RootStatus::Solved);
         let (_, open_m2) = self.valve_area.fully_open();
-        let (area_m2, inlet_guess) = match at_condition.inlet_of_flow(feed, root.x, guess, &mut near) {
-            Some((area_m2, inlet_pa)) => (area_m2, WarmStart { injector_inlet_pa: inlet_pa, ..guess }),
-            None => (f64::INFINITY, guess),
-        };
+        let inlet = self.inlet_of_flow(feed, root.x, &at_condition, warm_start, &mut chamber);
+        let (area_m2, injector_inlet_pa) = inlet.unwrap_or((f64::INFINITY, warm_start.injector_inlet_pa));
         let saturated = beyond || area_m2 > open_m2;
         let valve_rad = self.valve_area.angle_rad(area_m2.min(open_m2));
         let valve_area_m2 = self.valve_area.area_m2(valve_rad);
-        let start = WarmStart { near, ..inlet_guess };
+        let start = WarmStart { injector_inlet_pa, chamber, ..warm_start };
         let point = self.operating_point(feed, valve_area_m2, &steady, start);
         Inverse { valve_rad, valve_area_m2, point, saturated }
     }
-}
 
-impl EngineAtCondition<'_> {
     /// Valve area (m²) and P2 (Pa) that pass a flow; `None` when the injector cannot at the tank's pressure.
     fn inlet_of_flow(
         &self,
         feed: &Feed<'_>,
         oxidizer_kg_s: f64,
-        guess: WarmStart,
-        near: &mut ChamberWarmStart,
+        at_condition: &ThrustChamberAtCondition<'_>,
+        warm_start: WarmStart,
+        chamber: &mut ChamberWarmStart,
     ) -> Option<(f64, f64)> {
         let tank_pa = feed.tank().pressure_pa;
-        let chamber_pa = self.chamber_pa(oxidizer_kg_s, near);
+        let chamber_pa = at_condition.steady_pa(oxidizer_kg_s, chamber);
+        let injector_m2 = self.injector_m2(at_condition.condition);
         let excess_kg_s = |inlet_pa: f64| {
-            self.injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - oxidizer_kg_s
+            injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - oxidizer_kg_s
         };
         if chamber_pa >= tank_pa || excess_kg_s(tank_pa) <= 0.0 {
             return None;
@@ -88,12 +86,12 @@ impl EngineAtCondition<'_> {
         let bracket = Bracket {
             low: chamber_pa,
             high: tank_pa,
-            guess: guess.injector_inlet_pa,
-            slope: Some(guess.slope_kg_s_pa),
+            guess: warm_start.injector_inlet_pa,
+            slope: Some(warm_start.slope_kg_s_pa),
             tolerance: INLET_TOLERANCE * tank_pa,
         };
         let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
         let flux = feed.inlet(inlet_pa).valve_flux_kg_m2_s;
-        (flux > 0.0).then(|| (oxidizer_kg_s / (self.engine.valve_discharge_coefficient * flux), inlet_pa))
+        (flux > 0.0).then(|| (oxidizer_kg_s / (self.valve_discharge_coefficient * flux), inlet_pa))
     }
 }

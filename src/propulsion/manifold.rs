@@ -1,124 +1,40 @@
-//! What the feed system stores: oxidiser between valve and injector, momentum of the liquid before the valve,
-//! fuel on its way off the grain.
+//! What the feed system stores: oxidiser between valve and injector, and momentum of the liquid before the valve.
 //!
 //! Content m of the manifold and flow w of the line obey
 //! `dm/dt = w - ṁ_injector` and `L/A dw/dt = P1 + ρ g h - P2 - ΔP_valve(w)`,
 //! P2 follows from m by `ρ(P2, h1) = m/V`: the valve throttles, and what is stored keeps the tank's enthalpy.
 //! While it boils, dρ/dP is some hundred times the liquid's, and filling the 25 mL of the reference vehicle
-//! takes 30 to 50 ms; the lag `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)` falls to 1 ms and less where the
-//! flow is liquid. Without a line w is the valve's steady flow; with one, `ΔP_valve = (P1 - P2) (w/w_steady)²`:
+//! takes 30 to 50 ms; the lag of P2, `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`, falls to 1 ms and less where
+//! the flow is liquid. Without a line w is the valve's steady flow; with one, `ΔP_valve = (P1 - P2) (w/w_steady)²`:
 //! exact for liquid, a quadratic through the steady flow of the flashing valve otherwise. A column that would
 //! flow back stops: w ≥ 0, and the injector passes nothing against the pressure.
 //!
-//! Stiff, so implicit: from the beginning of the plant's step to each instant within it at which the step
-//! looks, by the L-stable method of two stages and second order of Alexander (SIAM J. Numer. Anal. 14, 1977),
+//! Stiff, so implicit: from the beginning of the plant's step to each instant of it at which the rate is evaluated,
+//! by SDIRK2, the L-stable method of two stages and second order of Alexander (SIAM J. Numer. Anal. 14, 1977),
 //! γ = 1 - 1/√2. Each stage is the root in P2 of the steady engine with one term more, what the manifold takes
 //! up; so it tends to the steady engine when the volume or the lag vanishes. One step errs by
 //! `(4 - 3√2)/6·z³ = -0.040 z³` of a deviation, z = step/lag: 1 ms at 40 ms makes 6e-7 a step. Where the lag is
-//! below a limit one stage does (backward Euler, z²/2): what it errs in lasts a step or two.
+//! below a limit, one stage is enough (backward Euler, z²/2): its error lasts a step or two.
 //! Whoever takes the step moves the change of m from tank to manifold: mass is kept to round-off whatever the
 //! error of the method.
 //!
 //! Source: the seed paper's feed system, which is steady; balances of mass and momentum.
 
-use super::FeedParameters;
-use super::engine::{
-    Burning, ChamberWarmStart, Damage, Engine, EngineAtCondition, EngineCondition, FilledChamber,
-    INLET_TOLERANCE, InletRoot, OperatingPoint, WarmStart,
-};
-use super::feed::ManifoldModel;
+use super::engine::{Engine, INLET_TOLERANCE};
 use super::feed_grid::Feed;
-use super::feed_map::{FeedMap, Inlet};
-use super::injector::SinglePhase;
-use super::{chamber::ChamberGas, grain::Grain};
+use super::feed_map::Inlet;
+use super::feed_state::{FeedInput, FeedPoint, FeedState, FeedStep, ImplicitMethod};
+use super::operating_point::{ChamberWarmStart, OperatingPoint, WarmStart};
+use super::thrust_chamber::{FilledChamber, HotFlow, InletRoot, ThrustChamberAtCondition};
 use crate::fluid::Nitrous;
 use crate::interpolate::{Bracket, RootStatus, bracketed_root};
 
-/// State of the feed system between tank and chamber.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FeedState {
-    /// Oxidiser between valve and injector (kg); 0 when that is quasi-steady.
-    pub manifold_kg: f64,
-    /// Flow of the liquid column before the valve (kg/s); 0 when it has no inertia.
-    pub line_kg_s: f64,
-}
-
-/// What drives the feed system at one instant.
-#[derive(Clone, Copy, Debug)]
-pub struct FeedInput {
-    /// Open area of the valve (m²).
-    pub valve_area_m2: f64,
-    /// Pressure of the liquid's weight at the valve (Pa).
-    pub head_pa: f64,
-    /// The engine.
-    pub condition: EngineCondition,
-}
-
-/// How finely one step is resolved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stages {
-    /// Backward Euler.
-    One,
-    /// Second order.
-    Two,
-}
-
-/// A step that has begun.
-#[derive(Clone, Copy, Debug)]
-pub struct FeedStep {
-    /// State at its beginning.
-    pub from: FeedState,
-    /// What drove it then, commands of this step included.
-    pub start: FeedInput,
-    /// Resolution.
-    pub stages: Stages,
-}
-
-/// The engine and its feed system, some time into a step.
-#[derive(Clone, Copy, Debug)]
-pub struct FeedPoint {
-    /// The engine.
-    pub engine: OperatingPoint,
-    /// The feed system.
-    pub state: FeedState,
-}
-
-/// Parameters of what the feed system stores.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FeedStores {
-    /// Volume of the manifold (m³); 0 is quasi-steady.
-    volume_m3: f64,
-    /// Lag below which one stage does (s).
-    one_stage_below_s: f64,
-    /// Length over cross-section of the line (1/m); 0 is none.
-    inertance_1_m: f64,
-    /// Height of the tank's floor above the valve (m), if the liquid's weight counts.
-    head_m: Option<f64>,
-    valve_single_phase: SinglePhase,
-    injector_single_phase: SinglePhase,
-}
-
-impl FeedStores {
-    pub(super) fn new(feed: &FeedParameters) -> Self {
-        let line = feed.line.as_ref();
-        let implicit = feed.manifold.model == ManifoldModel::Implicit;
-        Self {
-            volume_m3: if implicit { feed.manifold.volume_m3 } else { 0.0 },
-            one_stage_below_s: feed.manifold.quasi_steady_below_s,
-            inertance_1_m: line.map_or(0.0, |line| line.length_m / line.area_m2),
-            head_m: line.and_then(|line| line.static_head.then_some(line.drop_m)),
-            valve_single_phase: feed.valve.single_phase,
-            injector_single_phase: feed.injector.single_phase,
-        }
-    }
-}
-
-/// γ of the two-stage method: stages at γ h and h.
+/// γ of SDIRK2: stages at γ h and h.
 const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
-/// (1 - γ)/γ: weight of the first stage's gain in the second stage's start.
-const CARRIED: f64 = 1.0 + core::f64::consts::SQRT_2;
+/// (1 - γ)/γ: share of the first stage's gain in the second stage's start.
+const SECOND_STAGE_SHARE: f64 = 1.0 + core::f64::consts::SQRT_2;
 
-/// Accuracy of P2 in a stage, of the tank's pressure: 65 µPa; boiling content to 1e-12 kg.
+/// Accuracy of P2 in a stage, relative to the tank's pressure: 65 µPa; boiling content to 1e-12 kg.
 const STAGE_TOLERANCE: f64 = 1e-2 * INLET_TOLERANCE;
 /// Accuracy of a flow through the injector at a given P2 (kg/s).
 const FLOW_TOLERANCE_KG_S: f64 = 1e-11;
@@ -126,7 +42,7 @@ const FLOW_TOLERANCE_KG_S: f64 = 1e-11;
 /// than this share: 0.1 Pa.
 const AT_REST: f64 = 1e-6;
 
-/// One implicit equation: `m = from + span (w - ṁ_injector)`, and the same for the line.
+/// One implicit equation: `m = m_from + span (w - ṁ_injector)`, and the same for the line.
 #[derive(Clone, Copy, Debug)]
 struct Stage {
     span_s: f64,
@@ -134,7 +50,7 @@ struct Stage {
 }
 
 /// Solution of a stage.
-struct Solved<'a> {
+struct StageSolution<'a> {
     /// P2 and the slope of the balance there.
     inlet_pa: f64,
     slope_kg_s_pa: f64,
@@ -142,20 +58,14 @@ struct Solved<'a> {
     state: FeedState,
     tank_kg_s: f64,
     injected_kg_s: f64,
-    hot: Option<Burning<'a>>,
-    near: ChamberWarmStart,
+    hot: Option<HotFlow<'a>>,
+    chamber: ChamberWarmStart,
     status: RootStatus,
 }
 
 impl Engine {
-    /// The feed system of a tank, with this vehicle's orifices.
-    pub fn feed_map(&self, tank_pa: f64, tank_k: f64) -> FeedMap {
-        let FeedStores { valve_single_phase, injector_single_phase, .. } = self.stores;
-        FeedMap::new(tank_pa, tank_k).with_single_phase(valve_single_phase, injector_single_phase)
-    }
-
     /// Whether the feed system has a state; without one [`Engine::operating_point`] is all there is.
-    pub fn feed_stores(&self) -> bool {
+    pub fn feed_has_state(&self) -> bool {
         self.stores.volume_m3 > 0.0 || self.stores.inertance_1_m > 0.0 || self.stores.head_m.is_some()
     }
 
@@ -172,14 +82,14 @@ impl Engine {
         self.stores.head_m.map_or(0.0, weight)
     }
 
-    /// The feed system at rest: vapour at a pressure (Pa).
+    /// The feed system at rest: vapour at a pressure (Pa) fills the manifold.
     pub fn feed_at_rest<'f>(&self, feed: impl Into<Feed<'f>>, pressure_pa: f64) -> FeedState {
         let feed = &feed.into();
         let density_kg_m3 = feed.inlet(pressure_pa.max(Nitrous::LEAST_PA)).state.density_kg_m3;
         FeedState { manifold_kg: self.stores.volume_m3 * density_kg_m3, line_kg_s: 0.0 }
     }
 
-    /// The feed system that keeps a steady point.
+    /// The feed system in the steady state of an operating point.
     pub fn feed_steady<'f>(&self, feed: impl Into<Feed<'f>>, point: &OperatingPoint) -> FeedState {
         let feed = &feed.into();
         let rest = self.feed_at_rest(feed, point.injector_inlet_pa);
@@ -187,7 +97,7 @@ impl Engine {
         FeedState { line_kg_s, ..rest }
     }
 
-    /// Lag of P2 (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`.
+    /// Lag of P2, its time constant (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`.
     pub fn manifold_lag_s<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
@@ -205,62 +115,62 @@ impl Engine {
         self.stores.volume_m3 * (above.state.density_kg_m3 - below.state.density_kg_m3) / slope
     }
 
-    /// Resolution that a step needs where the inlet and the chamber have these pressures.
-    pub fn feed_stages<'f>(
+    /// Method that a step needs where the inlet and the chamber have these pressures.
+    pub fn implicit_method<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
         valve_area_m2: f64,
         inlet_pa: f64,
         chamber_pa: f64,
-    ) -> Stages {
+    ) -> ImplicitMethod {
         let feed = &feed.into();
-        let limit_s = self.stores.one_stage_below_s;
+        let limit_s = self.stores.backward_euler_below_s;
         let stiff = self.stores.volume_m3 > 0.0
             && limit_s > 0.0
             && self.manifold_lag_s(feed, valve_area_m2, inlet_pa, chamber_pa) < limit_s;
-        if stiff { Stages::One } else { Stages::Two }
+        if stiff { ImplicitMethod::BackwardEuler } else { ImplicitMethod::Sdirk2 }
     }
 
-    /// The engine some time after a step began; `now` is what drives it then.
+    /// Engine and feed system some time after a step began; `now` is what drives them then.
     pub fn feed_point<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
         step: &FeedStep,
         now: &FeedInput,
         elapsed_s: f64,
-        guess: WarmStart,
+        warm_start: WarmStart,
     ) -> FeedPoint {
         let feed = &feed.into();
-        let at_condition = self.at_condition(&now.condition);
-        let mut near = guess.near;
-        let held = now.condition.chamber_gas.map(|gas| at_condition.held(gas, &mut near));
-        let guess = WarmStart { near, ..guess };
-        let rest_pa = held.as_ref().map_or(now.condition.ambient_pa, |held| held.pressure.pa);
+        let at_condition = self.thrust_chamber.at_condition(&now.condition);
+        let mut chamber = warm_start.chamber;
+        let filled = now.condition.chamber_gas.map(|gas| at_condition.filled_chamber(gas, &mut chamber));
+        let warm_start = WarmStart { chamber, ..warm_start };
+        let rest_pa = filled.as_ref().map_or(now.condition.ambient_pa, |filled| filled.pressure.pa);
         if self.valve_m2(now) <= 0.0 {
             let rest = self.feed_at_rest(feed, rest_pa);
             if step.from.manifold_kg <= rest.manifold_kg * (1.0 + AT_REST) {
                 let state = FeedState { line_kg_s: 0.0, ..step.from };
-                return FeedPoint { engine: at_condition.closed(held, near), state };
+                return FeedPoint { engine: at_condition.no_flow_point(filled, chamber), state };
             }
         }
         let solved = if elapsed_s > 0.0 {
-            self.advance(feed, step, now, (&at_condition, held.as_ref()), elapsed_s, guess)
+            self.advance(feed, step, now, (&at_condition, filled.as_ref()), elapsed_s, warm_start)
         } else {
-            self.at_step_start(feed, step, now, (&at_condition, held.as_ref()), guess)
+            self.at_step_start(feed, step, now, (&at_condition, filled.as_ref()), warm_start)
         };
-        let found = InletRoot {
+        let inlet = InletRoot {
             injector_inlet_pa: solved.inlet_pa,
             quality: solved.quality,
             solved: solved.status != RootStatus::Invalid,
-            guess: WarmStart {
+            warm_start: WarmStart {
                 injector_inlet_pa: solved.inlet_pa,
                 slope_kg_s_pa: solved.slope_kg_s_pa,
-                near: solved.near,
+                chamber: solved.chamber,
             },
         };
-        let mut engine = match held {
-            Some(held) => at_condition.filling_point(solved.injected_kg_s, &held, found),
-            None => at_condition.steady_point(solved.injected_kg_s, solved.hot, found),
+        let mut engine = match filled {
+            Some(filled) => at_condition.filling_point(solved.injected_kg_s, &filled, inlet),
+            None => at_condition.steady_point(solved.injected_kg_s, solved.hot, inlet),
         };
         engine.injector_inlet_pa = solved.inlet_pa;
         engine.quality = solved.quality;
@@ -277,61 +187,64 @@ impl Engine {
         }
     }
 
-    /// The method: two stages, or one.
+    /// The feed system some time into the step, by the step's method.
     fn advance<'a>(
         &'a self,
         feed: &Feed<'_>,
         step: &FeedStep,
         now: &FeedInput,
-        (at_condition, held): (&EngineAtCondition<'a>, Option<&FilledChamber<'a>>),
+        (at_condition, filled): (&ThrustChamberAtCondition<'a>, Option<&FilledChamber<'a>>),
         elapsed_s: f64,
-        guess: WarmStart,
-    ) -> Solved<'a> {
+        warm_start: WarmStart,
+    ) -> StageSolution<'a> {
         let from = step.from;
         let whole = Stage { span_s: elapsed_s, from };
-        if step.stages == Stages::One {
-            return self.solve(feed, now, &whole, (at_condition, held), guess);
+        if step.method == ImplicitMethod::BackwardEuler {
+            return self.solve_stage(feed, now, &whole, (at_condition, filled), warm_start);
         }
         let span_s = GAMMA * elapsed_s;
-        let between = step.start.toward(now, GAMMA);
+        let between = step.start.interpolated(now, GAMMA);
         let first = {
-            let at_condition = self.at_condition(&between.condition);
-            let mut near = guess.near;
-            let held = between.condition.chamber_gas.map(|gas| at_condition.held(gas, &mut near));
+            let at_condition = self.thrust_chamber.at_condition(&between.condition);
+            let mut chamber = warm_start.chamber;
+            let filled =
+                between.condition.chamber_gas.map(|gas| at_condition.filled_chamber(gas, &mut chamber));
             let stage = Stage { span_s, ..whole };
-            let solved = self.solve(feed, &between, &stage, (&at_condition, held.as_ref()), guess);
+            let solved =
+                self.solve_stage(feed, &between, &stage, (&at_condition, filled.as_ref()), warm_start);
             (solved.state, solved.injected_kg_s > 0.0, solved.slope_kg_s_pa, solved.status)
         };
-        let (gained, flows, slope_kg_s_pa, status) = first;
+        let (first_state, flows, slope_kg_s_pa, status) = first;
         if status == RootStatus::Solved {
-            let stage = Stage { span_s, from: from.extrapolated(&gained, CARRIED) };
-            let guess = WarmStart { slope_kg_s_pa, ..guess };
-            let second = self.solve(feed, now, &stage, (at_condition, held), guess);
+            let stage = Stage { span_s, from: from.extrapolated(&first_state, SECOND_STAGE_SHARE) };
+            let warm_start = WarmStart { slope_kg_s_pa, ..warm_start };
+            let second = self.solve_stage(feed, now, &stage, (at_condition, filled), warm_start);
             if second.status == RootStatus::Solved && (second.injected_kg_s > 0.0 || !flows) {
                 return second;
             }
         }
-        // Carried beyond what a manifold can hold, or beyond the end of its flow: the lower order stays within.
-        self.solve(feed, now, &whole, (at_condition, held), guess)
+        // The second stage left what a manifold can hold, or passed the end of its flow: backward Euler does neither.
+        self.solve_stage(feed, now, &whole, (at_condition, filled), warm_start)
     }
 
     /// One implicit equation: the root in P2 of the steady engine, less what the manifold takes up.
-    fn solve<'a>(
+    fn solve_stage<'a>(
         &'a self,
         feed: &Feed<'_>,
         input: &FeedInput,
         stage: &Stage,
-        (at_condition, held): (&EngineAtCondition<'a>, Option<&FilledChamber<'a>>),
-        guess: WarmStart,
-    ) -> Solved<'a> {
+        (at_condition, filled): (&ThrustChamberAtCondition<'a>, Option<&FilledChamber<'a>>),
+        warm_start: WarmStart,
+    ) -> StageSolution<'a> {
         let volume_m3 = self.stores.volume_m3;
+        let injector_m2 = self.injector_m2(at_condition.condition);
         let tank_pa = feed.tank().pressure_pa;
         let least_pa = if volume_m3 > 0.0 {
             Nitrous::LEAST_PA.min(tank_pa)
         } else {
-            held.map_or(input.condition.ambient_pa, |held| held.pressure.pa)
+            filled.map_or(input.condition.ambient_pa, |filled| filled.pressure.pa)
         };
-        let mut near = guess.near;
+        let mut chamber = warm_start.chamber;
         let (mut inlet, mut hot) = (feed.inlet(tank_pa), None);
         let (mut tank_kg_s, mut passed_kg_s, mut driven_kg_s) = (0.0, 0.0, 0.0);
         // Flow that the injector would pass less flow that is left for it: rises with P2.
@@ -340,19 +253,19 @@ impl Engine {
             tank_kg_s = self.valve_flow_kg_s(feed, &inlet, input, stage);
             passed_kg_s =
                 tank_kg_s - (volume_m3 * inlet.state.density_kg_m3 - stage.from.manifold_kg) / stage.span_s;
-            let chamber_pa = match held {
-                Some(held) => held.pressure.pa,
+            let chamber_pa = match filled {
+                Some(filled) => filled.pressure.pa,
                 None => {
-                    hot = at_condition.burning_share_of(passed_kg_s, &mut near);
+                    hot = at_condition.hot_flow_if_lit(passed_kg_s, &mut chamber);
                     at_condition.mixed_pa(passed_kg_s.max(0.0), hot.as_ref())
                 }
             };
-            driven_kg_s = at_condition.injector_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
+            driven_kg_s = injector_m2 * feed.injector_flux_kg_m2_s(&inlet, chamber_pa);
             driven_kg_s - passed_kg_s
         };
         // Without a store the engine as it stands is shut off.
         if volume_m3 <= 0.0 && least_pa >= tank_pa {
-            return Solved {
+            return StageSolution {
                 inlet_pa: least_pa,
                 slope_kg_s_pa: 0.0,
                 quality: 0.0,
@@ -360,19 +273,19 @@ impl Engine {
                 tank_kg_s: 0.0,
                 injected_kg_s: 0.0,
                 hot: None,
-                near: guess.near,
+                chamber: warm_start.chamber,
                 status: RootStatus::AtHigh,
             };
         }
         let bracket = Bracket {
             low: least_pa,
             high: tank_pa,
-            guess: guess.injector_inlet_pa,
-            slope: Some(guess.slope_kg_s_pa),
+            guess: warm_start.injector_inlet_pa,
+            slope: Some(warm_start.slope_kg_s_pa),
             tolerance: STAGE_TOLERANCE * tank_pa,
         };
         let root = bracketed_root(bracket, balance);
-        let mut solved = Solved {
+        let mut solved = StageSolution {
             inlet_pa: root.x,
             slope_kg_s_pa: root.slope,
             quality: inlet.quality,
@@ -383,12 +296,12 @@ impl Engine {
             tank_kg_s,
             injected_kg_s: if driven_kg_s > 0.0 { passed_kg_s.max(0.0) } else { 0.0 },
             hot,
-            near,
+            chamber,
             status: root.status,
         };
         if volume_m3 > 0.0 && root.status != RootStatus::Solved {
-            // The content is that of an end of the range: what passes is what P2 drives, the tank has the rest.
-            self.inject(feed, &inlet, at_condition, held, &mut solved);
+            // P2 stands at an end of its range: it alone drives what passes, and the tank makes up the rest.
+            self.inject(feed, &inlet, at_condition, filled, &mut solved);
         }
         solved
     }
@@ -419,67 +332,71 @@ impl Engine {
         (2.0 * push_pa / (inertia_pa_s_kg + root)).min(limit_kg_s)
     }
 
-    /// The engine in the very state in which the step begins.
+    /// The engine at the state in which the step begins.
     fn at_step_start<'a>(
         &'a self,
         feed: &Feed<'_>,
         step: &FeedStep,
         now: &FeedInput,
-        (at_condition, held): (&EngineAtCondition<'a>, Option<&FilledChamber<'a>>),
-        guess: WarmStart,
-    ) -> Solved<'a> {
+        (at_condition, filled): (&ThrustChamberAtCondition<'a>, Option<&FilledChamber<'a>>),
+        warm_start: WarmStart,
+    ) -> StageSolution<'a> {
         let (tank_pa, from) = (feed.tank().pressure_pa, step.from);
         let has_line = self.stores.inertance_1_m > 0.0;
         let tolerance = STAGE_TOLERANCE * tank_pa;
         let bracket = Bracket {
             low: Nitrous::LEAST_PA.min(tank_pa),
             high: tank_pa,
-            guess: guess.injector_inlet_pa,
+            guess: warm_start.injector_inlet_pa,
             slope: None,
             tolerance,
         };
         if self.stores.volume_m3 <= 0.0 {
-            // Nothing is stored: the injector passes what the line brings. A column without inertia flows as it is pushed.
+            // Nothing is stored: the injector passes what the line brings, or without inertia the steady flow.
             let stage = Stage { span_s: f64::INFINITY, from };
             if !has_line {
-                return self.solve(feed, now, &stage, (at_condition, held), guess);
+                return self.solve_stage(feed, now, &stage, (at_condition, filled), warm_start);
             }
-            let mut near = guess.near;
+            let mut chamber = warm_start.chamber;
             let passed_kg_s = from.line_kg_s.min(now.condition.oxidizer_flow_limit_kg_s).max(0.0);
-            let hot = match held {
+            let hot = match filled {
                 Some(_) => None,
-                None => at_condition.burning_share_of(passed_kg_s, &mut near),
+                None => at_condition.hot_flow_if_lit(passed_kg_s, &mut chamber),
             };
-            let chamber_pa = held
-                .map_or_else(|| at_condition.mixed_pa(passed_kg_s, hot.as_ref()), |held| held.pressure.pa);
+            let chamber_pa = filled.map_or_else(
+                || at_condition.mixed_pa(passed_kg_s, hot.as_ref()),
+                |filled| filled.pressure.pa,
+            );
             let low = chamber_pa.min(tank_pa);
-            let root =
-                bracketed_root(Bracket { low, slope: Some(guess.slope_kg_s_pa), ..bracket }, |inlet_pa| {
-                    at_condition.injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa)
-                        - passed_kg_s
-                });
-            return Solved {
+            let injector_m2 = self.injector_m2(at_condition.condition);
+            let root = bracketed_root(
+                Bracket { low, slope: Some(warm_start.slope_kg_s_pa), ..bracket },
+                |inlet_pa| {
+                    injector_m2 * feed.injector_flux_kg_m2_s(&feed.inlet(inlet_pa), chamber_pa) - passed_kg_s
+                },
+            );
+            return StageSolution {
                 inlet_pa: root.x,
-                slope_kg_s_pa: guess.slope_kg_s_pa,
+                slope_kg_s_pa: warm_start.slope_kg_s_pa,
                 quality: feed.inlet(root.x).quality,
                 state: from,
                 tank_kg_s: passed_kg_s,
                 injected_kg_s: passed_kg_s,
                 hot,
-                near,
+                chamber,
                 status: root.status,
             };
         }
         let density_kg_m3 = from.manifold_kg / self.stores.volume_m3;
-        let near_pa = guess.injector_inlet_pa.clamp(bracket.low, tank_pa - 20.0);
+        let near_pa = warm_start.injector_inlet_pa.clamp(bracket.low, tank_pa - 20.0);
         let density = |inlet_pa: f64| feed.inlet(inlet_pa).state.density_kg_m3;
         let slope = Some(0.1 * (density(near_pa + 10.0) - density(near_pa)));
         let root = bracketed_root(Bracket { slope, ..bracket }, |inlet_pa| density(inlet_pa) - density_kg_m3);
         let inlet = feed.inlet(root.x);
         let stage = Stage { span_s: f64::INFINITY, from };
-        let mut solved = Solved {
+        let mut solved = StageSolution {
             inlet_pa: root.x,
-            slope_kg_s_pa: guess.slope_kg_s_pa,
+            slope_kg_s_pa: warm_start.slope_kg_s_pa,
             quality: inlet.quality,
             state: from,
             tank_kg_s: if has_line {
@@ -489,29 +406,31 @@ impl Engine {
             },
             injected_kg_s: 0.0,
             hot: None,
-            near: guess.near,
+            chamber: warm_start.chamber,
             status: root.status,
         };
-        self.inject(feed, &inlet, at_condition, held, &mut solved);
+        self.inject(feed, &inlet, at_condition, filled, &mut solved);
         solved
     }
 
-    /// Flow through the injector at a given inlet: into gas that is held, or into the pressure that it makes itself.
+    /// Flow through the injector at a given inlet: against the chamber's gas where that is a state, else against the
+    /// steady pressure of the flow itself.
     fn inject<'a>(
         &'a self,
         feed: &Feed<'_>,
         inlet: &Inlet,
-        at_condition: &EngineAtCondition<'a>,
-        held: Option<&FilledChamber<'a>>,
-        solved: &mut Solved<'a>,
+        at_condition: &ThrustChamberAtCondition<'a>,
+        filled: Option<&FilledChamber<'a>>,
+        solved: &mut StageSolution<'a>,
     ) {
-        let flow = |chamber_pa: f64| at_condition.injector_m2 * feed.injector_flux_kg_m2_s(inlet, chamber_pa);
-        if let Some(held) = held {
-            solved.injected_kg_s = flow(held.pressure.pa);
+        let injector_m2 = self.injector_m2(at_condition.condition);
+        let flow = |chamber_pa: f64| injector_m2 * feed.injector_flux_kg_m2_s(inlet, chamber_pa);
+        if let Some(filled) = filled {
+            solved.injected_kg_s = flow(filled.pressure.pa);
             return;
         }
         let most_kg_s = flow(at_condition.condition.ambient_pa);
-        let (mut near, mut hot) = (solved.near, None);
+        let (mut chamber, mut hot) = (solved.chamber, None);
         solved.injected_kg_s = if most_kg_s > 0.0 {
             let bracket = Bracket {
                 low: 0.0,
@@ -522,85 +441,13 @@ impl Engine {
                 tolerance: FLOW_TOLERANCE_KG_S,
             };
             bracketed_root(bracket, |passed_kg_s| {
-                hot = at_condition.burning_share_of(passed_kg_s, &mut near);
+                hot = at_condition.hot_flow_if_lit(passed_kg_s, &mut chamber);
                 passed_kg_s - flow(at_condition.mixed_pa(passed_kg_s, hot.as_ref()))
             })
             .x
         } else {
             0.0
         };
-        (solved.near, solved.hot) = (near, hot);
-    }
-}
-
-impl FeedState {
-    /// `self` and `share` times the way from it to another.
-    fn extrapolated(&self, to: &Self, share: f64) -> Self {
-        Self {
-            manifold_kg: self.manifold_kg + share * (to.manifold_kg - self.manifold_kg),
-            line_kg_s: self.line_kg_s + share * (to.line_kg_s - self.line_kg_s),
-        }
-    }
-}
-
-impl FeedInput {
-    /// Nothing drives anything.
-    pub const SHUT: Self = Self {
-        valve_area_m2: 0.0,
-        head_pa: 0.0,
-        condition: EngineCondition {
-            port_radius_m: 0.0,
-            throat_radius_m: 0.0,
-            burning_fraction: 0.0,
-            ambient_pa: 0.0,
-            chamber_gas: None,
-            fuel_flow_kg_s: None,
-            oxidizer_flow_limit_kg_s: 0.0,
-            outlet: None,
-            damage: Damage::NONE,
-        },
-    };
-
-    /// What drives the feed a share of the way to another instant, everything taken as straight.
-    fn toward(&self, end: &Self, share: f64) -> Self {
-        let mix = |a: f64, b: f64| if a == b { a } else { a + share * (b - a) };
-        let (a, b) = (&self.condition, &end.condition);
-        Self {
-            valve_area_m2: mix(self.valve_area_m2, end.valve_area_m2),
-            head_pa: mix(self.head_pa, end.head_pa),
-            condition: EngineCondition {
-                port_radius_m: mix(a.port_radius_m, b.port_radius_m),
-                throat_radius_m: mix(a.throat_radius_m, b.throat_radius_m),
-                burning_fraction: mix(a.burning_fraction, b.burning_fraction),
-                ambient_pa: b.ambient_pa,
-                chamber_gas: a.chamber_gas.zip(b.chamber_gas).map(|(a, b)| ChamberGas {
-                    oxidizer_kg: mix(a.oxidizer_kg, b.oxidizer_kg),
-                    fuel_kg: mix(a.fuel_kg, b.fuel_kg),
-                }),
-                fuel_flow_kg_s: a.fuel_flow_kg_s.zip(b.fuel_flow_kg_s).map(|(a, b)| mix(a, b)),
-                oxidizer_flow_limit_kg_s: b.oxidizer_flow_limit_kg_s,
-                outlet: b.outlet,
-                damage: b.damage,
-            },
-        }
-    }
-}
-
-impl EngineAtCondition<'_> {
-    /// Fuel flow that belongs to the burning share when the grain gives `flow_kg_s` (kg/s). Less oxidiser than
-    /// the map's rich end burns, or vaporises, no more fuel than that: a flow that stops stops the fuel.
-    pub(super) fn lagged_fuel_kg_s(&self, flow_kg_s: f64, oxidizer_kg_s: f64) -> f64 {
-        let (rich, _) = self.engine.map.of_span();
-        let burning = self.condition.burning_fraction.clamp(0.0, 1.0);
-        let full_kg_s = if burning > 0.0 { flow_kg_s.max(0.0) / burning } else { 0.0 };
-        // A trace, so that there is a ratio; the map's lean end holds for it.
-        full_kg_s.clamp(1e-9 * oxidizer_kg_s, oxidizer_kg_s / rich)
-    }
-}
-
-impl Grain {
-    /// Rate of a lagging fuel flow (kg/s²); zero without a lag.
-    pub fn fuel_flow_rate_kg_s2(&self, fuel_flow_kg_s: f64, steady_kg_s: f64) -> f64 {
-        if self.fuel_flow_lag_s > 0.0 { (steady_kg_s - fuel_flow_kg_s) / self.fuel_flow_lag_s } else { 0.0 }
+        (solved.chamber, solved.hot) = (chamber, hot);
     }
 }

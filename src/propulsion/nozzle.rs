@@ -57,7 +57,7 @@ pub enum SeparationRule {
     Stark,
 }
 
-/// What the nozzle's flow is like.
+/// Flow regime of the nozzle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NozzleFlow {
     /// No flow at all.
@@ -77,7 +77,7 @@ impl Nozzle {
     }
 
     /// Exit area (m²).
-    pub fn exit_area_m2(&self) -> f64 {
+    pub(super) fn exit_area_m2(&self) -> f64 {
         let radius_m = self.throat_radius_m();
         self.expansion_ratio * PI * radius_m * radius_m
     }
@@ -89,7 +89,7 @@ impl Nozzle {
 
     /// Thrust (N) and state of the flow at a chamber pressure.
     #[inline]
-    pub fn thrust(
+    pub(super) fn thrust(
         &self,
         throat: &Throat,
         mixture: &Mixture<'_>,
@@ -149,7 +149,7 @@ impl Nozzle {
 
     /// Least Pc/pa at which the nozzle surely flows full, for exponents within `gammas` and a throat not
     /// smaller than the initial one; spares the running flow every root.
-    pub fn surely_full_above(&self, gammas: (f64, f64)) -> f64 {
+    pub(super) fn surely_full_above(&self, gammas: (f64, f64)) -> f64 {
         let ratio = |gamma: f64| {
             let gas = PerfectGas { gamma };
             let mach = gas.supersonic_mach(self.expansion_ratio);
@@ -161,51 +161,51 @@ impl Nozzle {
     }
 }
 
-/// Throat and surroundings of one evaluation.
+/// Throat, exit and surroundings of one evaluation.
 #[derive(Clone, Copy, Debug)]
-pub struct Throat {
+pub(super) struct Throat {
     /// Throat area (m²).
-    pub area_m2: f64,
+    pub(super) area_m2: f64,
     /// Exit area (m²).
-    pub exit_area_m2: f64,
+    pub(super) exit_area_m2: f64,
     /// Ambient pressure (Pa).
-    pub ambient_pa: f64,
+    pub(super) ambient_pa: f64,
     /// Pc/pa from which on the nozzle surely flows full; infinite when that is not known.
-    pub full_above: f64,
+    pub(super) full_above: f64,
 }
 
-/// A chamber pressure with its logarithm, which costs as much as the rest.
+/// A chamber pressure with its logarithm, which costs as much as the rest of an evaluation.
 #[derive(Clone, Copy, Debug)]
-pub struct ChamberPressure {
+pub(super) struct ChamberPressure {
     /// Pressure (Pa).
-    pub pa: f64,
+    pub(super) pa: f64,
     /// ln(P/P_ref) of the map.
-    pub log: f64,
+    pub(super) log: f64,
 }
 
 /// Isentropic flow of a perfect gas.
 #[derive(Clone, Copy, Debug)]
-pub struct PerfectGas {
+pub(super) struct PerfectGas {
     /// Isentropic exponent, above 1.
-    pub gamma: f64,
+    pub(super) gamma: f64,
 }
 
 impl PerfectGas {
     /// p₀/p, the inverse of π(M) of the textbook.
-    pub fn total_over_static(&self, mach: f64) -> f64 {
+    pub(super) fn total_over_static(&self, mach: f64) -> f64 {
         let g = self.gamma;
         libm::pow(1.0 + 0.5 * (g - 1.0) * mach * mach, g / (g - 1.0))
     }
 
     /// A/A* at a Mach number.
-    pub fn area_ratio(&self, mach: f64) -> f64 {
+    pub(super) fn area_ratio(&self, mach: f64) -> f64 {
         let g = self.gamma;
         let stretch = 2.0 / (g + 1.0) * (1.0 + 0.5 * (g - 1.0) * mach * mach);
         libm::pow(stretch, 0.5 * (g + 1.0) / (g - 1.0)) / mach
     }
 
     /// Supersonic Mach number of an area ratio; 1 for a ratio of 1 or less.
-    pub fn supersonic_mach(&self, area_ratio: f64) -> f64 {
+    fn supersonic_mach(&self, area_ratio: f64) -> f64 {
         if area_ratio <= 1.0 {
             return 1.0;
         }
@@ -230,7 +230,7 @@ impl PerfectGas {
 
     /// Ideal thrust over ambient pressure and throat area of a jet that leaves the wall at this Mach
     /// number: τ(M) of (10S).
-    pub fn ideal_thrust(&self, mach: f64) -> f64 {
+    fn ideal_thrust(&self, mach: f64) -> f64 {
         let m2 = mach * mach;
         if mach < 1.0 {
             self.gamma * m2
@@ -241,7 +241,7 @@ impl PerfectGas {
 
     /// Pc/pa of an unchoked throat whose flow would need this much if it were choked; (11S) in closed form:
     /// with K = ṁ c*/(A C_d) and B = ((γ+1)/2)^((γ+1)/(2(γ-1))), M² (1 + (γ-1)/2 M²) = (K/(pa B))².
-    pub fn unchoked_pressure_ratio(&self, choked_ratio: f64) -> f64 {
+    pub(super) fn unchoked_pressure_ratio(&self, choked_ratio: f64) -> f64 {
         let g = self.gamma;
         let b = libm::pow(0.5 * (g + 1.0), 0.5 * (g + 1.0) / (g - 1.0));
         let q2 = (choked_ratio / b) * (choked_ratio / b);

@@ -1,4 +1,4 @@
-//! The tank's outlet when the liquid no longer covers it: gas goes with it, valve first, injector later.
+//! Gas ingestion: the tank's outlet when liquid no longer covers it. Gas passes the valve first, the injector later.
 //!
 //! The gas's share of the volume flow rises linearly as the last liquid goes. The valve sees it at once, the
 //! injector when the liquid between them has passed. While gas passes the valve and liquid still the
@@ -11,7 +11,7 @@
 
 use super::gas_orifice::gas_flux_kg_m2_s;
 
-/// How an outlet uncovers: parameters.
+/// When the outlet ingests gas: parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct GasIngestion {
     /// Liquid below which gas enters the outlet (kg).
@@ -40,7 +40,7 @@ impl GasIngestion {
     }
 }
 
-/// What an uncovered outlet draws.
+/// What an outlet draws that liquid no longer covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlet {
     /// Gas share of the volume flow through the valve.
@@ -54,13 +54,13 @@ pub struct Outlet {
 }
 
 impl Outlet {
-    /// Flux through the valve, counted as liquid (kg/(m² s)), from what liquid alone would have.
+    /// Flux through the valve, counted as liquid (kg/(m² s)), from that of liquid alone.
     pub(super) fn valve_flux(&self, liquid_flux: f64, inlet_pa: f64, liquid_kg_m3: f64) -> f64 {
         let gas = gas_flux_kg_m2_s(self.gas_pa, self.gas_kg_m3, inlet_pa);
-        shared(self.valve_gas, liquid_flux, gas, self.relative_density(inlet_pa, liquid_kg_m3))
+        two_phase_flux(self.valve_gas, liquid_flux, gas, self.relative_density(inlet_pa, liquid_kg_m3))
     }
 
-    /// Flux through the injector, counted as liquid (kg/(m² s)), from what liquid alone would have.
+    /// Flux through the injector, counted as liquid (kg/(m² s)), from that of liquid alone.
     pub(super) fn injector_flux(
         &self,
         liquid_flux: f64,
@@ -69,7 +69,7 @@ impl Outlet {
     ) -> f64 {
         let relative = self.relative_density(inlet_pa, liquid_kg_m3);
         let gas = gas_flux_kg_m2_s(inlet_pa, relative * liquid_kg_m3, chamber_pa);
-        shared(self.injector_gas, liquid_flux, gas, relative)
+        two_phase_flux(self.injector_gas, liquid_flux, gas, relative)
     }
 
     /// Mass of liquid and of gas into the chamber, per mass counted as liquid.
@@ -101,7 +101,7 @@ impl Outlet {
 }
 
 /// Flux of two phases that share an area, counted as liquid: 1/G = (1 - ε)/G_liquid + ε r/G_gas.
-fn shared(gas_share: f64, liquid_flux: f64, gas_flux: f64, relative_density: f64) -> f64 {
+fn two_phase_flux(gas_share: f64, liquid_flux: f64, gas_flux: f64, relative_density: f64) -> f64 {
     if gas_share <= 0.0 {
         return liquid_flux;
     }
@@ -119,10 +119,10 @@ mod tests {
 
     #[test]
     fn one_phase_alone_has_its_own_flux() {
-        assert_eq!(shared(0.0, 4e4, 1e4, 0.1), 4e4);
-        let only_gas = shared(1.0, 0.0, 1e4, 0.1);
+        assert_eq!(two_phase_flux(0.0, 4e4, 1e4, 0.1), 4e4);
+        let only_gas = two_phase_flux(1.0, 0.0, 1e4, 0.1);
         assert!((only_gas * 0.1 - 1e4).abs() < 1e-9, "counted as liquid times relative density is gas");
-        let half = shared(0.5, 4e4, 1e4, 0.1);
+        let half = two_phase_flux(0.5, 4e4, 1e4, 0.1);
         assert!(half > 4e4 && half < only_gas);
     }
 

@@ -13,8 +13,9 @@
 //! | 5 | lacks N^(1-n) | fuel of Eqs 4 and 6 over the step, for any N |
 //! | 6, 7 | called fuel left, are fuel burnt | burnt |
 //! | 10 | no g₀ | g₀ Isp, no efficiency unless `specific_impulse_efficiency` says so |
-//! | 10, 11 | polynomials not given | least squares through the vehicle's own map at its reference pressure; Isp at sea level |
-//! | 14 | κ not given; valve and injector isenthalpic, which makes the equilibrium flux zero | κ² = (P2 - P3)/(Pv - P3); isentropic in the injector; the equilibrium flux at P3, not choked |
+//! | 10, 11 | polynomials not given | least squares through the vehicle's map at its reference pressure |
+//! | 14 | κ not given | κ² = (P2 - P3)/(Pv - P3) |
+//! | 14 | injector isenthalpic: no equilibrium flux | isentropic: equilibrium flux at P3, not choked |
 //! | 16 | Φ "using pressure drop" | √(2 ρ₁ (P1 - P2)) |
 //!
 //! The sea-level Isp has no knowledge of chamber pressure, separation or an unchoked throat: thrust goes to zero with
@@ -22,21 +23,19 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::engine::{Engine, EngineCondition, OperatingPoint, WarmStart};
+use super::engine::Engine;
 use super::feed_grid::Feed;
-use super::feed_map::throttled;
+use super::feed_map::throttled_state;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
 use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
-use super::{ChamberGasRate, EngineParameters, PaperMode};
+use super::operating_point::{EngineCondition, OperatingPoint, WarmStart};
+use super::parameters::{EngineParameters, PaperMode};
 use crate::fluid::Nitrous;
-use crate::input::Invalid;
 use crate::interpolate::{Bracket, bracketed_root};
 
 /// Sea level of the paper's specific impulse (Pa).
 const SEA_LEVEL_PA: f64 = 101_325.0;
-/// Spacing in O/F of the points that the polynomials are fitted to.
-const FIT_SPACING: f64 = 0.25;
 /// Accuracy of P2 (Pa).
 const INLET_TOLERANCE_PA: f64 = 0.01;
 
@@ -54,9 +53,9 @@ pub struct PaperEngine {
     c_star_m_s: Polynomial,
 }
 
-/// One flow of the sweep, all of it burning.
+/// One candidate flow of the sweep, all of it burning.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Candidate {
+pub struct SweepPoint {
     /// Oxidiser (kg/s).
     pub oxidizer_kg_s: f64,
     /// Fuel, mean over the step (kg/s).
@@ -74,9 +73,9 @@ pub struct Candidate {
 impl PaperEngine {
     /// From an engine, its parameters and the numbers of the scheme. Allocates: for set-up.
     pub fn new(engine: &Engine, parameters: &EngineParameters, paper: &PaperMode) -> Self {
-        let map = engine.map();
+        let map = &engine.thrust_chamber.map;
         let nozzle = engine.nozzle();
-        let span = fitted_span(paper, map.of_span());
+        let span = paper.fitted_of_range(map.of_span());
         let c_star = |of: f64| map.mixture(of).c_star_m_s(0.0);
         let lost_m2 = SEA_LEVEL_PA * nozzle.expansion_ratio / parameters.map.reference_pressure_pa;
         let isp = |of: f64| map.mixture(of).vacuum_isp_s(0.0) - lost_m2 * c_star(of) / STANDARD_GRAVITY_M_S2;
@@ -109,8 +108,13 @@ impl PaperEngine {
         least + (most - least) * f64::from(point) / f64::from(self.points - 1)
     }
 
-    /// What an oxidiser flow does within a step, Eqs 4, 6, 9, 10, 11.
-    pub fn candidate(&self, engine: &Engine, condition: &EngineCondition, oxidizer_kg_s: f64) -> Candidate {
+    /// One candidate: what an oxidiser flow gives within a step, Eqs 4, 6, 9, 10, 11.
+    pub fn sweep_point(
+        &self,
+        engine: &Engine,
+        condition: &EngineCondition,
+        oxidizer_kg_s: f64,
+    ) -> SweepPoint {
         let grain = engine.grain();
         let radius_m = condition.port_radius_m.min(grain.burn_through_radius_m());
         let grown_m = grain.port_radius_after_m(radius_m, oxidizer_kg_s, self.step_s);
@@ -120,8 +124,8 @@ impl PaperEngine {
         let left = 1.0 - condition.damage.efficiency_drop_share;
         let isp_s = left * self.isp_efficiency * self.isp_s.at(of_ratio);
         let pressure_pa = total_kg_s * self.c_star_m_s.at(of_ratio) * (left * self.c_star_efficiency)
-            / engine.open_throat_m2(condition);
-        Candidate {
+            / engine.thrust_chamber.open_throat_m2(condition);
+        SweepPoint {
             oxidizer_kg_s,
             fuel_kg_s,
             port_radius_m: grown_m,
@@ -132,15 +136,15 @@ impl PaperEngine {
     }
 
     /// The sweep of Eq 8: the candidate whose thrust is nearest to the demand.
-    pub fn sweep(&self, engine: &Engine, condition: &EngineCondition, thrust_n: f64) -> Candidate {
-        let candidate = |point| self.candidate(engine, condition, self.flow_kg_s(point));
-        let miss = |c: &Candidate| (c.thrust_n - thrust_n).abs();
+    pub fn sweep(&self, engine: &Engine, condition: &EngineCondition, thrust_n: f64) -> SweepPoint {
+        let candidate = |point| self.sweep_point(engine, condition, self.flow_kg_s(point));
+        let miss = |c: &SweepPoint| (c.thrust_n - thrust_n).abs();
         (1..self.points)
             .map(candidate)
             .fold(candidate(0), |best, next| if miss(&next) < miss(&best) { next } else { best })
     }
 
-    /// P2 (Pa) and vapour share behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None` when
+    /// P2 (Pa) and quality behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None` when
     /// the injector cannot pass it at the tank's pressure.
     pub fn inlet<'f>(
         &self,
@@ -151,10 +155,13 @@ impl PaperEngine {
     ) -> Option<(f64, f64)> {
         let feed = &feed.into();
         let tank_pa = feed.tank().pressure_pa;
-        let injector_m2 = engine.injector_area_m2 * (1.0 - condition.damage.injector_blocked_share);
+        let injector_m2 = engine.injector_m2(condition);
+        let behind_valve = |inlet_pa: f64| {
+            let flashing = inlet_pa < feed.flash_pa();
+            throttled_state(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, flashing)
+        };
         let excess_kg_s = |inlet_pa: f64| {
-            let (state, _) =
-                throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa());
+            let (state, _) = behind_valve(inlet_pa);
             let pressures = OrificePressures {
                 upstream_pa: inlet_pa,
                 downstream_pa: chamber_pa,
@@ -176,10 +183,7 @@ impl PaperEngine {
             tolerance: INLET_TOLERANCE_PA,
         };
         let inlet_pa = bracketed_root(bracket, excess_kg_s).x;
-        Some((
-            inlet_pa,
-            throttled(Nitrous::tables(), inlet_pa, feed.tank().enthalpy_j_kg, inlet_pa < feed.flash_pa()).1,
-        ))
+        Some((inlet_pa, behind_valve(inlet_pa).1))
     }
 
     /// Valve area (m²) that passes a flow at P2, Eq 16.
@@ -196,7 +200,7 @@ impl PaperEngine {
         oxidizer_kg_s / (engine.valve_discharge_coefficient * flux)
     }
 
-    /// The forward answer: what the candidate does whose valve area is nearest to the one that is open.
+    /// The forward answer: the candidate whose valve area is nearest to the one that is open.
     pub fn operating_point<'f>(
         &self,
         engine: &Engine,
@@ -208,11 +212,11 @@ impl PaperEngine {
         let limit_kg_s = condition.oxidizer_flow_limit_kg_s;
         let ambient_pa = condition.ambient_pa;
         if !(valve_area_m2 > 0.0 && limit_kg_s > 0.0 && feed.tank().pressure_pa > ambient_pa) {
-            return engine.at_rest(ambient_pa);
+            return OperatingPoint::no_flow(ambient_pa, WarmStart::default());
         }
         let area = |point: u32| {
             let flow_kg_s = self.flow_kg_s(point);
-            let chamber_pa = self.mixed(engine, condition, flow_kg_s).chamber_pa;
+            let chamber_pa = self.partly_burning(engine, condition, flow_kg_s).chamber_pa;
             self.inlet(engine, feed, condition, (flow_kg_s, chamber_pa))
                 .map_or(f64::INFINITY, |(inlet_pa, _)| self.valve_area_m2(engine, feed, flow_kg_s, inlet_pa))
         };
@@ -222,31 +226,29 @@ impl PaperEngine {
             let middle = below + (above - below) / 2;
             if area(middle) <= valve_area_m2 { below = middle } else { above = middle }
         }
-        let point = if valve_area_m2 - area(below) <= area(above) - valve_area_m2 { below } else { above };
-        let mixed = self.mixed(engine, condition, self.flow_kg_s(point).min(limit_kg_s));
-        let total_kg_s = mixed.oxidizer_kg_s + mixed.fuel_kg_s;
-        let inlet = self.inlet(engine, feed, condition, (mixed.oxidizer_kg_s, mixed.chamber_pa));
+        let nearest = if valve_area_m2 - area(below) <= area(above) - valve_area_m2 { below } else { above };
+        let point = self.partly_burning(engine, condition, self.flow_kg_s(nearest).min(limit_kg_s));
+        let total_kg_s = point.oxidizer_kg_s + point.fuel_kg_s;
+        let inlet = self.inlet(engine, feed, condition, (point.oxidizer_kg_s, point.chamber_pa));
         let (injector_inlet_pa, quality) = inlet.unwrap_or((feed.tank().pressure_pa, 0.0));
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
         OperatingPoint {
-            oxidizer_kg_s: mixed.oxidizer_kg_s,
-            tank_kg_s: mixed.oxidizer_kg_s,
-            outlet_gas_kg_s: 0.0,
-            fuel_kg_s: mixed.fuel_kg_s,
-            steady_fuel_kg_s: mixed.fuel_kg_s,
+            oxidizer_kg_s: point.oxidizer_kg_s,
+            tank_kg_s: point.oxidizer_kg_s,
+            fuel_kg_s: point.fuel_kg_s,
+            steady_fuel_kg_s: point.fuel_kg_s,
             nozzle_kg_s: total_kg_s,
-            of_ratio: if mixed.fuel_kg_s > 0.0 { mixed.oxidizer_kg_s / mixed.fuel_kg_s } else { 0.0 },
-            chamber_pa: mixed.chamber_pa,
+            of_ratio: if point.fuel_kg_s > 0.0 { point.oxidizer_kg_s / point.fuel_kg_s } else { 0.0 },
+            chamber_pa: point.chamber_pa,
             injector_inlet_pa,
             quality,
-            thrust_n: mixed.thrust_n,
-            isp_s: mixed.thrust_n / (STANDARD_GRAVITY_M_S2 * total_kg_s),
-            regression_rate_m_s: (mixed.port_radius_m - radius_m) / self.step_s,
-            throat_erosion_m_s: engine.erosion_m_s(condition, mixed.chamber_pa),
-            chamber_gas_rate: ChamberGasRate::default(),
+            thrust_n: point.thrust_n,
+            isp_s: point.thrust_n / (STANDARD_GRAVITY_M_S2 * total_kg_s),
+            regression_rate_m_s: (point.port_radius_m - radius_m) / self.step_s,
+            throat_erosion_m_s: engine.thrust_chamber.erosion_m_s(condition, point.chamber_pa),
             nozzle_flow: NozzleFlow::Full,
             solved: inlet.is_some(),
-            guess: WarmStart::default(),
+            ..OperatingPoint::no_flow(ambient_pa, WarmStart::default())
         }
     }
 
@@ -273,15 +275,16 @@ impl PaperEngine {
         Inverse { valve_rad, valve_area_m2, point, saturated: end || area_m2 > open_m2 }
     }
 
-    /// A flow of which some burns and the rest blows through cold: no part of the paper, which has no ignition.
-    fn mixed(&self, engine: &Engine, condition: &EngineCondition, oxidizer_kg_s: f64) -> Candidate {
-        let hot = self.candidate(engine, condition, oxidizer_kg_s);
+    /// A flow of which some burns and the rest passes cold: no part of the paper, which has no ignition.
+    fn partly_burning(&self, engine: &Engine, condition: &EngineCondition, oxidizer_kg_s: f64) -> SweepPoint {
+        let hot = self.sweep_point(engine, condition, oxidizer_kg_s);
         let f = condition.burning_fraction.clamp(0.0, 1.0);
         let cold_n = STANDARD_GRAVITY_M_S2 * self.cold_isp_s * oxidizer_kg_s;
-        let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s / engine.open_throat_m2(condition))
-            .max(condition.ambient_pa);
+        let cold_pa = (self.cold_c_star_m_s * oxidizer_kg_s
+            / engine.thrust_chamber.open_throat_m2(condition))
+        .max(condition.ambient_pa);
         let radius_m = condition.port_radius_m.min(engine.grain().burn_through_radius_m());
-        Candidate {
+        SweepPoint {
             fuel_kg_s: f * hot.fuel_kg_s,
             port_radius_m: radius_m + f * (hot.port_radius_m - radius_m),
             thrust_n: f * hot.thrust_n + (1.0 - f) * cold_n,
@@ -289,25 +292,6 @@ impl PaperEngine {
             ..hot
         }
     }
-}
-
-/// Refuses a range of the polynomials that leaves nothing of the map to fit.
-pub(super) fn validate_range(paper: &PaperMode, map_span: (f64, f64)) -> Result<(), Invalid> {
-    let span = fitted_span(paper, map_span);
-    if span.1 - span.0 >= FIT_SPACING {
-        return Ok(());
-    }
-    let ([from, to], (low, high)) = (paper.polynomial_of_range, map_span);
-    let message = format!(
-        "{from} to {to} is no range to fit: it must rise by {FIT_SPACING} or more within the map's {low} to {high}"
-    );
-    Err(Invalid::new("paper_mode.polynomial_of_range", message))
-}
-
-/// The part of the map that the polynomials are fitted to.
-fn fitted_span(paper: &PaperMode, (low, high): (f64, f64)) -> (f64, f64) {
-    let [from, to] = paper.polynomial_of_range;
-    (from.clamp(low, high), to.clamp(low, high))
 }
 
 /// A polynomial in O/F by its Chebyshev coefficients, held at the ends of its range.
@@ -322,7 +306,7 @@ impl Polynomial {
     /// are nearly singular at degree 8.
     fn fit(span: (f64, f64), degree: u32, f: impl Fn(f64) -> f64) -> Self {
         let terms = degree as usize + 1;
-        let samples = (((span.1 - span.0) / FIT_SPACING).round() as usize + 1).max(2 * terms);
+        let samples = (((span.1 - span.0) / PaperMode::FIT_SPACING).round() as usize + 1).max(2 * terms);
         let at = |i: usize| span.0 + (span.1 - span.0) * i as f64 / (samples - 1) as f64;
         let basis = DMatrix::from_fn(samples, terms, |row, column| chebyshev(scaled(span, at(row)), column));
         let values = DVector::from_fn(samples, |row, _| f(at(row)));

@@ -4,7 +4,7 @@
 //! vent use (the seed paper's Eqs 12 and 13). Real-gas density, both at constant temperature. While the
 //! bottle holds the regulator's minimum drop above the set point the tank is at the set point; then
 //! it blows down, always that drop below the bottle. Pure nitrogen above the liquid: with nitrous vapour
-//! mixed in, less would be drawn.
+//! mixed in, less nitrogen would be drawn.
 //!
 //! Valid above the vapour pressure of the liquid, 47 bar at 290 K: here the tank blows down past it, a real one
 //! would boil and stay near it. That far, [`super::gas_balance`] with `[feed.tank.ullage] model = "energy_balance"`.
@@ -101,7 +101,7 @@ impl Regulator {
         0.02
     }
 
-    /// Rules between the keys.
+    /// Checks the keys against each other.
     ///
     /// # Errors
     /// When the outlet would pass what the feed is computed for.
@@ -117,7 +117,7 @@ impl Regulator {
         Ok(())
     }
 
-    /// Pressure that the outlet does not pass by the regulator's doing, and half a bar (Pa).
+    /// Greatest outlet pressure that the regulator itself can cause, and half a bar (Pa).
     pub fn greatest_pa(&self) -> f64 {
         const MARGIN_PA: f64 = 0.5e5;
         self.set_pressure_pa + self.lockup_pa + MARGIN_PA
@@ -146,7 +146,7 @@ impl PressurantGas {
     }
 }
 
-/// What the nitrogen's distribution depends on.
+/// What the division of the nitrogen between bottle and tank depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct NitrogenInventory {
     /// All nitrogen, bottle and tank (kg).
@@ -167,7 +167,7 @@ impl NitrogenInventory {
     }
 }
 
-/// Where the nitrogen is.
+/// Pressures of bottle and run tank, and how the nitrogen is divided between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NitrogenState {
     /// Pressure of the run tank (Pa).
@@ -193,7 +193,7 @@ impl Pressurant {
         bottle.volume_m3 * Nitrogen::tables().density_kg_m3(bottle.pressure_pa, bottle.temperature_k)
     }
 
-    /// Distributes the nitrogen between bottle and tank.
+    /// Divides the nitrogen between bottle and tank.
     #[inline]
     pub fn distribute(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
         let NitrogenInventory { total_kg, ullage_m3, .. } = *inventory;
@@ -219,12 +219,12 @@ impl Pressurant {
                 };
             }
         }
-        self.blown_down(gas, inventory)
+        self.blow_down(gas, inventory)
     }
 
     /// Blow-down: the tank pressure at which both volumes hold the whole mass.
     #[inline(never)]
-    fn blown_down(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
+    fn blow_down(&self, gas: &PressurantGas, inventory: &NitrogenInventory) -> NitrogenState {
         let NitrogenInventory { total_kg, ullage_m3, ambient_pa, .. } = *inventory;
         let bottle_m3 = self.bottle.volume_m3;
         let drop_pa = self.regulator.minimum_drop_pa;

@@ -91,7 +91,7 @@ pub struct PairLevels {
     pub b: f64,
 }
 
-/// What the thrusters do to the vehicle, about the origin of the body frame.
+/// Force and moment of the thrusters about the origin of the body frame, and the nitrogen they use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThrusterLoads {
     /// Force (N), body axes.
@@ -117,10 +117,10 @@ struct Pulse {
     to_us: u64,
 }
 
-/// Pulses that may still overlap a step; the oldest is forgotten first.
+/// Pulses that may still overlap a step; the oldest is overwritten first.
 const PULSES: usize = 8;
 
-/// The modulator between steps.
+/// State of the pulse modulator between steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Modulator {
     pulses: [[Pulse; PULSES]; 2],
@@ -131,7 +131,7 @@ pub struct Modulator {
 }
 
 impl ReactionControl {
-    /// Rules between the keys.
+    /// Checks the keys against each other.
     pub fn validate(&self) -> Result<(), Invalid> {
         if self.minimum_on_time_s > self.period_s {
             let message = format!("{} s exceeds period_s = {} s", self.minimum_on_time_s, self.period_s);

@@ -6,16 +6,15 @@
 //! |---|---|---|
 //! | `area_analytic_mm2` or `area_mm2` | open area | itself |
 //! | `pixels` | pixels of the opening in a picture | share of the last row's count, times `open_area_m2` |
-//! | `cv` | flow coefficient, US gallons of water a minute at 1 psi | Cv 1 is 16.98 mm² of C_d A, over `discharge_coefficient` |
-//! | `water_kg_s`, `drop_pa` | flow of water and the valve's pressure drop | C_d A = ṁ/√(2 ρ Δp), over `discharge_coefficient` |
+//! | `cv` | flow coefficient, US gallons of water a minute at 1 psi | C_d A of 16.98 mm² per Cv, over C_d |
+//! | `water_kg_s`, `drop_pa` | flow of water and the valve's pressure drop | C_d A = ṁ/√(2 ρ Δp), over C_d |
 //!
-//! Cv and water flow give C_d A: with the discharge coefficient in force they give back the flow measured,
-//! whatever that coefficient is. Source of Cv: ISA-75.01.01 (IEC 60534-2-1), water at 60 °F.
+//! C_d is `discharge_coefficient`. Cv and water flow give C_d A: divided and multiplied by the same coefficient they
+//! give back the flow measured, whatever it is. Source of Cv: ISA-75.01.01 (IEC 60534-2-1), water at 60 °F.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::engine::EngineError;
 use super::injector::SinglePhase;
 use crate::input::Invalid;
 use crate::interpolate::{
@@ -34,7 +33,8 @@ const WATER_KG_M3: f64 = 998.2;
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Valve {
-    /// Table of the opening against the angle, beside the vehicle file: `theta_deg` or `percent_open`, and one of `area_analytic_mm2`, `area_mm2`, `pixels`, `cv`, or `water_kg_s` with `drop_pa`.
+    /// Table of the opening against the angle, beside the vehicle file: `theta_deg` or `percent_open`, and one of
+    /// `area_analytic_mm2`, `area_mm2`, `pixels`, `cv`, or `water_kg_s` with `drop_pa`.
     pub area_file: String,
     /// Fully open area (m²); only where the table counts pixels.
     #[serde(default)]
@@ -92,7 +92,18 @@ pub struct ValveArea {
     measure: &'static str,
 }
 
-/// How good a valve's table is.
+/// Why a valve's table cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ValveAreaError {
+    /// The table itself.
+    #[error("valve area: {0}")]
+    Table(#[from] TableError),
+    /// A parameter that contradicts it; the key is relative to the vehicle file.
+    #[error(transparent)]
+    Parameter(#[from] Invalid),
+}
+
+/// How well a valve's table inverts, and how well its rows agree.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ValveMapCheck {
     /// What the table holds: "area", "pixels", "Cv" or "water flow".
@@ -127,12 +138,12 @@ impl ValveArea {
     ///
     /// # Errors
     /// When it has no known column, or does not rise from a shut valve.
-    pub fn read(text: &str, valve: &Valve) -> Result<Self, EngineError> {
+    pub fn read(text: &str, valve: &Valve) -> Result<Self, ValveAreaError> {
         let (line, names) = table::heading(text).unwrap_or((1, Vec::new()));
         let has = |name: &str| names.contains(&name);
         let missing = |column: &str| {
             let found = names.join(", ");
-            EngineError::ValveArea(TableError::MissingColumn { column: column.to_owned(), line, found })
+            ValveAreaError::Table(TableError::MissingColumn { column: column.to_owned(), line, found })
         };
         let (travel, rad_per_travel) = if has("theta_deg") {
             ("theta_deg", 1f64.to_radians())
@@ -143,8 +154,8 @@ impl ValveArea {
         };
         let per_flow_area = 1.0 / valve.discharge_coefficient;
         let of_column = |column: &'static str, area_m2: &dyn Fn(f64) -> f64| {
-            let table = Table::read(text, [travel, column]).map_err(EngineError::ValveArea)?;
-            opening(&table, |[_, value]| area_m2(value), rad_per_travel).map_err(EngineError::ValveArea)
+            let table = Table::read(text, [travel, column])?;
+            opening_rows(&table, |[_, value]| area_m2(value), rad_per_travel)
         };
         let (measure, rows) = if has("area_analytic_mm2") {
             ("area", of_column("area_analytic_mm2", &|mm2| mm2 * 1e-6)?) // mm² -> m²
@@ -155,18 +166,17 @@ impl ValveArea {
                 let message = "missing: the area file counts pixels, which need the fully open area";
                 return Err(Invalid::new("feed.valve.open_area_m2", message).into());
             };
-            let table = Table::read(text, [travel, "pixels"]).map_err(EngineError::ValveArea)?;
+            let table = Table::read(text, [travel, "pixels"])?;
             let most = table.rows[table.rows.len() - 1].1[1];
             ("pixels", of_column("pixels", &|count| open_m2 * count / most)?)
         } else if has("cv") {
             ("Cv", of_column("cv", &|cv| cv * AREA_PER_CV_M2 * per_flow_area)?)
         } else if has("water_kg_s") && has("drop_pa") {
-            let table =
-                Table::read(text, [travel, "water_kg_s", "drop_pa"]).map_err(EngineError::ValveArea)?;
-            table.require(2, "must be positive", |pa| pa > 0.0).map_err(EngineError::ValveArea)?;
+            let table = Table::read(text, [travel, "water_kg_s", "drop_pa"])?;
+            table.require(2, "must be positive", |pa| pa > 0.0)?;
             let area =
                 |[_, flow, drop_pa]: [f64; 3]| per_flow_area * flow / (2.0 * WATER_KG_M3 * drop_pa).sqrt();
-            ("water flow", opening(&table, area, rad_per_travel).map_err(EngineError::ValveArea)?)
+            ("water flow", opening_rows(&table, area, rad_per_travel)?)
         } else {
             return Err(missing("area_mm2`, `pixels`, `cv` or `water_kg_s` with `drop_pa"));
         };
@@ -195,7 +205,7 @@ impl ValveArea {
         (angle_rad, self.area_m2(angle_rad))
     }
 
-    /// How well the curve is inverted, and which row fits the others least.
+    /// Checks the table: the error of the inverse, and the row that fits the others least.
     pub fn check(&self) -> ValveMapCheck {
         const SAMPLES: u32 = 5000;
         let (shut_rad, open_rad) = self.root_area_m.span();
@@ -257,7 +267,7 @@ impl ValveArea {
 
 /// Angle (rad) and root of the area (m) of each row: from shut, strictly rising. Leading rows of a valve
 /// that is still shut become one.
-fn opening<const N: usize>(
+fn opening_rows<const N: usize>(
     table: &Table<N>,
     area_m2: impl Fn([f64; N]) -> f64,
     rad_per_travel: f64,

@@ -3,8 +3,8 @@
 
 use crate::bare_engine::{Vehicle, condition};
 use hopbench::propulsion::{
-    Engine, EngineCondition, FeedInput, FeedMap, FeedState, FeedStep, Line, ManifoldModel, OperatingPoint,
-    Stages, WarmStart,
+    Engine, EngineCondition, FeedInput, FeedMap, FeedState, FeedStep, ImplicitMethod, Line, ManifoldModel,
+    OperatingPoint, WarmStart,
 };
 
 pub fn with_manifold(vehicle: &mut Vehicle, volume_m3: f64) {
@@ -41,25 +41,25 @@ impl<'a> Fed<'a> {
         let area_m2 = engine.valve_area().area_m2(degrees.to_radians());
         fed.point = engine.operating_point(&fed.feed, area_m2, &fed.condition, WarmStart::default());
         fed.state = engine.feed_steady(&fed.feed, &fed.point);
-        fed.guess = fed.point.guess;
+        fed.guess = fed.point.warm_start;
         fed
     }
 
     /// One step, the valve moving from one angle to another.
-    pub fn step(&mut self, from_deg: f64, to_deg: f64, dt_s: f64, stages: Stages) {
+    pub fn step(&mut self, from_deg: f64, to_deg: f64, dt_s: f64, method: ImplicitMethod) {
         let at = |degrees: f64| FeedInput {
             valve_area_m2: self.engine.valve_area().area_m2(degrees.to_radians()),
             head_pa: self.head_pa,
             condition: self.condition,
         };
-        let step = FeedStep { from: self.state, start: at(from_deg), stages };
+        let step = FeedStep { from: self.state, start: at(from_deg), method };
         let next = self.engine.feed_point(&self.feed, &step, &at(to_deg), dt_s, self.guess);
-        (self.state, self.point, self.guess) = (next.state, next.engine, next.engine.guess);
+        (self.state, self.point, self.guess) = (next.state, next.engine, next.engine.warm_start);
     }
 
     pub fn settle(&mut self, degrees: f64, dt_s: f64, steps: u32) {
         for _ in 0..steps {
-            self.step(degrees, degrees, dt_s, Stages::Two);
+            self.step(degrees, degrees, dt_s, ImplicitMethod::Sdirk2);
         }
     }
 }
