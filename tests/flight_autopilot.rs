@@ -56,7 +56,7 @@ fn fly(mission: Mission, conditions: Conditions) -> Flight {
                 greatest_gimbal_rad.max(command.gimbal_x_rad.abs()).max(command.gimbal_y_rad.abs());
         }
         if plant.touchdown.is_none()
-            && phase >= Phase::Descent
+            && !(phase.is_before_lift_off() || matches!(phase, Phase::Ascent | Phase::Hover))
             && plant.height_m() < mission.terminal_height_m
         {
             greatest_terminal_speed_m_s = greatest_terminal_speed_m_s.max(plant.com_velocity().z);

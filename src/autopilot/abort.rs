@@ -8,82 +8,9 @@
 //! The conditions are kinematic and few, so that they can be read off a recording; what they compare is the
 //! navigation's belief, since there is no other.
 
-use super::phase::{Mission, Phase};
+use super::mission::{AbortLimits, Mission};
+use super::phase::Phase;
 use crate::time::SimTime;
-use serde::{Deserialize, Serialize};
-
-/// The `[mission.abort]` table: limits of the flight. Heights are of the pivot above its rest height.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct AbortLimits {
-    /// `propellant`, a landing: propellant time kept beyond what the way down needs (s).
-    #[schemars(range(min = 0.0, max = 60.0))]
-    pub reserve_s: f64,
-    /// `tilt`, a landing: greatest tilt (rad); it must lie over `mission.tilt_limit_rad`.
-    #[schemars(range(min = 0.05, max = 1.5))]
-    pub tilt_rad: f64,
-    /// `tilt`: for so long (s).
-    #[schemars(range(min = 0.0, max = 5.0))]
-    pub tilt_s: f64,
-    /// `navigation`, a landing: satellite fixes refused in succession, while the altimeter is silent for a second. Three mean a receiver or a filter that is wrong.
-    #[schemars(range(min = 1, max = 100))]
-    pub gnss_refused: u32,
-    /// `navigation`, a landing: time without a satellite fix that was used, while the altimeter is silent (s). The filter coasts 5 s within 1.5 m.
-    #[schemars(range(min = 0.2, max = 60.0))]
-    pub gnss_silence_s: f64,
-    /// `wind`, a landing: greatest sideways acceleration by the air, averaged over a second (m/s²).
-    #[schemars(range(min = 0.05, max = 10.0))]
-    pub wind_m_s2: f64,
-    /// `off_reference`, a landing: greatest distance from the reference (m).
-    #[schemars(range(min = 0.5, max = 200.0))]
-    pub tube_m: f64,
-    /// `toppling`, a cut: greatest tilt (rad).
-    #[schemars(range(min = 0.1, max = 3.0))]
-    pub cut_tilt_rad: f64,
-    /// `flight_volume`, a cut: radius of the cylinder about the starting point that must not be left (m); absent: 30 m beyond the landing point.
-    #[schemars(range(min = 1.0, max = 5000.0))]
-    pub radius_m: Option<f64>,
-    /// `flight_volume`, a cut: height of its ceiling (m); absent: 20 m over the hover.
-    #[schemars(range(min = 1.0, max = 5000.0))]
-    pub ceiling_m: Option<f64>,
-    /// `cannot_stop`, a cut: speed at which the ground may be met after braking with full thrust all the way (m/s).
-    #[schemars(range(min = 0.5, max = 50.0))]
-    pub impact_speed_m_s: f64,
-    /// `cannot_stop`: height under which braking does more than falling, so that the engine stays on (m).
-    #[schemars(range(min = 0.0, max = 500.0))]
-    pub ballistic_height_m: f64,
-    /// `runaway`, a cut: share of the weight by which thrust may exceed what was commanded while the vehicle climbs.
-    #[schemars(range(min = 0.05, max = 5.0))]
-    pub runaway_share: f64,
-    /// `inertial`, a cut: time without an inertial sample (s). From 60 ms on the engine is straight and carries the weight.
-    #[schemars(range(min = 0.1, max = 5.0))]
-    pub inertial_silence_s: f64,
-    /// Height under which nothing cuts the engine (m).
-    #[schemars(range(min = 0.0, max = 50.0))]
-    pub cut_height_m: f64,
-}
-
-impl Default for AbortLimits {
-    fn default() -> Self {
-        Self {
-            reserve_s: 2.0,
-            tilt_rad: 0.262,
-            tilt_s: 0.3,
-            gnss_refused: 3,
-            gnss_silence_s: 6.0,
-            wind_m_s2: 0.85,
-            tube_m: 5.0,
-            cut_tilt_rad: 0.61,
-            radius_m: None,
-            ceiling_m: None,
-            impact_speed_m_s: 3.0,
-            ballistic_height_m: 5.0,
-            runaway_share: 0.35,
-            inertial_silence_s: 0.5,
-            cut_height_m: 0.5,
-        }
-    }
-}
 
 /// How a mission ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,10 @@
 //! What the flight controller believes, from filter, engine model and disturbance observer, and what it concludes.
 
 use super::abort::AbortInputs;
+use super::mission::MassKnowledge;
 use super::navigation::GroundState;
-use super::phase::{Evidence, MassKnowledge};
 use super::propellant::MassPoint;
+use super::sequence::Evidence;
 use super::tracking::Control;
 use super::tracking::model::Airframe;
 use super::tracking::observer::MotionEstimate;

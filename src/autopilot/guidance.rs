@@ -5,7 +5,8 @@
 //! by construction, and a moving average over 0.2 s makes the jerk finite. The average of a motion is
 //! itself a motion with consistent derivatives, and it ends where the original ends.
 
-use super::phase::{Mission, Phase};
+use super::mission::Mission;
+use super::phase::Phase;
 use super::trajectory::{Node, Reference, Trajectory};
 use crate::frame::Vec3;
 use crate::time::SimTime;
@@ -228,7 +229,7 @@ impl Ramp {
         let mission = course.mission;
         let height = course.height_m(self.now.position);
         let mut wanted = Vec3::zeros();
-        if height > LATERAL_HEIGHT_M || phase >= Phase::Descent {
+        if height > LATERAL_HEIGHT_M || phase.is_descent() {
             let to_target = course.landing_ned_m() - self.now.position;
             let distance = libm::hypot(to_target.x, to_target.y);
             if distance > 1e-9 {

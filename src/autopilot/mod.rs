@@ -18,38 +18,58 @@
 //! Position is local: the origin lies on the pad surface under the point where the vehicle was aligned, so
 //! that the constant part of satellite navigation's error cancels.
 
+// The flight as data.
+pub mod mission;
+pub mod phase;
+pub mod trajectory;
+
+// What ends a phase, and what ends a mission.
 pub mod abort;
-pub mod alignment;
+pub mod sequence;
+
+// Actuators, engine, mass.
+pub mod roll;
+
 pub mod allocation;
-mod belief;
-pub mod control;
-mod flying;
+
+pub mod propellant;
+
+// Navigation.
+pub mod alignment;
+
+pub mod navigation;
+
+// Guidance.
 pub mod guidance;
 pub mod lcvx;
+
+// Control.
 pub mod mpc;
-pub mod navigation;
-pub mod phase;
-pub mod planning;
-pub mod propellant;
-pub mod roll;
+
 pub mod tracking;
-pub mod trajectory;
+
+pub mod control;
+
+pub mod planning;
+
+mod belief;
+mod flying;
 
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
-pub use abort::AbortLimits;
 use abort::{Abort, AbortReason, AbortWatch};
 use allocation::{ActuatorParameters, Allocation, ThrustMap};
 use control::{Controller, Gains, Integrate};
 use guidance::Guidance;
+pub use mission::{AbortLimits, ControlLaw, GuidanceLaw, MassKnowledge, Mission, MissionKind};
 use nalgebra::UnitQuaternion;
 use navigation::{GroundState, Navigation, NavigationHealth, NavigationParameters};
-pub use phase::{ControlLaw, GuidanceLaw, MassKnowledge, Mission, MissionKind, Phase};
-use phase::{Sequence, SequenceParameters};
+pub use phase::Phase;
 use planning::Planning;
 use propellant::{PropellantEstimate, PropellantParameters};
+use sequence::{Sequence, SequenceParameters};
 use tracking::observer::Observer;
 use tracking::{Tracker, TrackingParameters};
 use trajectory::Reference;

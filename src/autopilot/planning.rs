@@ -7,7 +7,8 @@
 
 use super::Autopilot;
 use super::lcvx::{self, Engine, GlideSlope, Limits, Plan, PlanRequest, Problem, Rung, Start, Target};
-use super::phase::{GuidanceLaw, Phase};
+use super::mission::GuidanceLaw;
+use super::phase::Phase;
 use super::trajectory::{Reference, Trajectory};
 use crate::frame::{Vec3, heading_rad};
 use crate::time::SimTime;

@@ -11,9 +11,9 @@
 use hopbench::autopilot::allocation::{ActuatorParameters, ThrottleOutput, ThrustMap};
 use hopbench::autopilot::control::Gains;
 use hopbench::autopilot::navigation::{GnssParameters, NavigationParameters};
-use hopbench::autopilot::phase::SequenceParameters;
 use hopbench::autopilot::propellant::{MassPoint, PropellantParameters};
 use hopbench::autopilot::roll::{RollDrive, RollThrusters};
+use hopbench::autopilot::sequence::SequenceParameters;
 use hopbench::autopilot::tracking::observer::ServoParameters;
 use hopbench::autopilot::tracking::{TrackingParameters, WEIGHTS};
 use hopbench::autopilot::{Mission, Parameters, lcvx, mpc};

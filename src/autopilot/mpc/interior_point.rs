@@ -10,23 +10,9 @@
 //! 1992; C. Rao, S. Wright, J. Rawlings, Application of interior-point methods to model predictive
 //! control, JOTA 99(3), 1998; starting point and step rules after G. Frison and M. Diehl, HPIPM, IFAC 2020.
 
-use super::problem::{INPUTS, InputLimits, MAX_STAGES, Problem, STATES, Solution, Status, TILT};
-use super::riccati::{Columns, InputSlope, Policy, Row, Slope, StageCost, Value, input_gradient};
-
-/// When to stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Greatest number of iterations.
-    pub iterations: usize,
-    /// Allowed violation of constraints, gradient of the Lagrangian, and slack times multiplier.
-    pub tolerance: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { iterations: 15, tolerance: 1e-6 }
-    }
-}
+use super::model::{INPUTS, STATES, StageCost};
+use super::problem::{InputLimits, MAX_STAGES, Problem, Settings, Solution, Status, TILT};
+use super::riccati::{Columns, InputSlope, Policy, Row, Slope, Value, input_gradient};
 
 /// Inequalities of one stage: limits of its input and of its change, tilt limits of the state it leads to.
 const PAIRS: usize = 4 * INPUTS + 6;

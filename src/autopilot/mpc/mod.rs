@@ -12,11 +12,15 @@
 
 #![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 
-pub mod interior_point;
-pub mod oracle;
+pub mod model;
+
 pub mod problem;
 pub mod riccati;
 
-pub use interior_point::{Settings, Workspace};
-pub use problem::{CostToGo, INPUTS, MAX_STAGES, Problem, STATES, Solution, Stage, Status, TILT, Tilt};
-pub use riccati::{InfiniteHorizon, Linear, StageCost, dare};
+pub mod interior_point;
+pub mod oracle;
+
+pub use interior_point::Workspace;
+pub use model::{CostToGo, INPUTS, Linear, STATES, StageCost};
+pub use problem::{MAX_STAGES, Problem, Settings, Solution, Stage, Status, TILT, Tilt};
+pub use riccati::{InfiniteHorizon, dare};

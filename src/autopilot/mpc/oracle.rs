@@ -11,8 +11,8 @@ use clarabel::solver::{
     SupportedConeT::ZeroConeT,
 };
 
-use super::interior_point::Settings;
-use super::problem::{INPUTS, InputLimits, Problem, STATES, Solution, Status, TILT};
+use super::model::{INPUTS, STATES};
+use super::problem::{InputLimits, Problem, Settings, Solution, Status, TILT};
 
 /// Variables of a stage: its input, the state it leads to, the slack of that state's tilt limits.
 const BLOCK: usize = INPUTS + STATES + 2;

@@ -14,12 +14,8 @@
 //! with Q, R, S diagonal. The tilt limits being soft, a program has a solution as soon as the limits of the
 //! input leave one; how contradictions among those are settled, [`Problem::consistent_limits`] says.
 
-use super::riccati::Linear;
+use super::model::{CostToGo, INPUTS, Linear, STATES, dot};
 
-/// States of the model.
-pub const STATES: usize = 13;
-/// Inputs of the model.
-pub const INPUTS: usize = 4;
 /// Greatest number of stages.
 pub const MAX_STAGES: usize = 30;
 /// Indices of the two states with soft limits.
@@ -90,17 +86,6 @@ impl Default for Stage {
     }
 }
 
-/// A quadratic form in the last state and the last input: what everything after the horizon costs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CostToGo {
-    /// On the state; symmetric, positive semidefinite together with the rest.
-    pub state: [[f64; STATES]; STATES],
-    /// Between state and input; zero where changes of the input cost nothing.
-    pub cross: [[f64; INPUTS]; STATES],
-    /// On the input; symmetric.
-    pub input: [[f64; INPUTS]; INPUTS],
-}
-
 /// One quadratic program. Large (70 kB): keep it in a box and refill it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
@@ -154,6 +139,21 @@ pub enum Status {
     /// in the answer is to be used.
     #[default]
     NumericalFailure,
+}
+
+/// When a solver stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Greatest number of iterations.
+    pub iterations: usize,
+    /// Allowed violation of constraints, gradient of the Lagrangian, and slack times multiplier.
+    pub tolerance: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { iterations: 15, tolerance: 1e-6 }
+    }
 }
 
 /// What a solver answers. Inputs keep limits of input and change exactly, whatever the status but failure.
@@ -363,17 +363,6 @@ impl Problem {
     }
 }
 
-impl CostToGo {
-    /// Gradient of half the form: P (x, u).
-    pub fn gradient(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> ([f64; STATES], [f64; INPUTS]) {
-        let state = std::array::from_fn(|i| dot(&self.state[i], x) + dot(&self.cross[i], u));
-        let input = std::array::from_fn(|j| {
-            dot(&self.input[j], u) + self.cross.iter().zip(x).map(|(row, x)| row[j] * x).sum::<f64>()
-        });
-        (state, input)
-    }
-}
-
 /// Limits at least [`LEAST_WIDTH`] apart.
 fn apart(min: f64, max: f64) -> (f64, f64) {
     if max - min >= LEAST_WIDTH {
@@ -381,8 +370,4 @@ fn apart(min: f64, max: f64) -> (f64, f64) {
     }
     let middle = 0.5 * (min + max);
     (middle - 0.5 * LEAST_WIDTH, middle + 0.5 * LEAST_WIDTH)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -15,42 +15,12 @@
 //! and each is a row operation of fixed length. Source of the recursion: B. D. O. Anderson and J. B. Moore,
 //! Optimal Control: Linear Quadratic Methods, 1990, section 2.4, with the state augmented as above.
 
-use super::problem::{CostToGo, INPUTS, STATES};
+use super::model::{CostToGo, INPUTS, Linear, STATES, StageCost};
 
 /// A row over the states, filled up to an even number.
 pub type Row = [f64; STATES + 1];
 /// Columns of A and B side by side.
 const COLUMNS: usize = STATES + INPUTS;
-
-/// A linear model from one stage to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Linear {
-    /// On the state, by rows.
-    pub a: [[f64; STATES]; STATES],
-    /// On the input, by rows.
-    pub b: [[f64; INPUTS]; STATES],
-}
-
-impl Linear {
-    /// A x + B u.
-    pub fn step(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> [f64; STATES] {
-        std::array::from_fn(|i| {
-            let free: f64 = self.a[i].iter().zip(x).map(|(a, x)| a * x).sum();
-            free + self.b[i].iter().zip(u).map(|(b, u)| b * u).sum::<f64>()
-        })
-    }
-}
-
-/// Diagonal weights of one stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageCost {
-    /// Q.
-    pub state: [f64; STATES],
-    /// R.
-    pub input: [f64; INPUTS],
-    /// S.
-    pub change: [f64; INPUTS],
-}
 
 /// Optimal control of a constant model without limits over an infinite horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
