@@ -10,13 +10,13 @@ use super::phase::Phase;
 /// Times and thresholds of the sequence that belong to the vehicle, not to the mission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SequenceParameters {
-    /// Chamber pressure that proves a flame (Pa).
+    /// Chamber pressure that proves ignition (Pa).
     pub lit_pressure_pa: f64,
-    /// Wait between proof of flame (or the time below) and the climb: the thrust rise (s).
+    /// From proven or assumed ignition to the climb: the thrust rise (s).
     pub thrust_rise_s: f64,
-    /// Without a chamber transducer, the flame is assumed this long after the throttle (s).
+    /// Without a chamber transducer, ignition is assumed this long after the throttle (s).
     pub assumed_ignition_s: f64,
-    /// With one, the attempt is given up after this (s).
+    /// Without proof of ignition, the start is given up after this (s).
     pub ignition_timeout_s: f64,
     /// From engine off to disarmed (s).
     pub disarm_after_s: f64,
@@ -34,9 +34,9 @@ impl Default for SequenceParameters {
     }
 }
 
-/// What the sequence decides on, all of it estimated or measured.
+/// Inputs of the sequence, estimated or measured.
 #[derive(Clone, Copy, Debug)]
-pub struct Evidence {
+pub struct SequenceInputs {
     /// The filter has been aligned.
     pub aligned: bool,
     /// Newest chamber pressure, if there is a transducer (Pa).
@@ -45,31 +45,41 @@ pub struct Evidence {
     pub height_m: f64,
     /// Speed downward (m/s).
     pub descent_speed_m_s: f64,
-    /// Axial specific force times mass, less the thrust that is expected, over the weight: the share
-    /// of the weight that something else carries.
+    /// Axial force less estimated thrust, over the weight: the share of the weight that the ground carries.
     pub unexplained_force: f64,
-    /// The reference stands at the hover height.
+    /// The reference has reached the hover height.
     pub reference_at_hover: bool,
-    /// The reference stands over the landing point.
+    /// The reference is over the landing point.
     pub reference_over_target: bool,
 }
 
-/// The running sequence.
+/// State of the sequence.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     phase: Phase,
     time_in_phase_s: f64,
-    flame_for_s: f64,
-    contact_for_s: f64,
+    /// Time since proof of ignition (s).
+    lit_time_s: f64,
+    /// Time that contact has been detected without a break (s).
+    contact_time_s: f64,
 }
 
-/// Contact has to be seen for this long: two IMU samples, against a single bad one.
+/// Time for which contact must be detected: two inertial samples, against a single bad one (s).
 const CONTACT_CONFIRMATION_S: f64 = 0.008;
-/// Without a low height, a stop counts as contact only so long after a phase of the descent began: before, it may
-/// be the end of the braking, whose thrust the engine model follows late.
-const SETTLED_IN_TERMINAL_S: f64 = 1.0;
-const SETTLED_IN_DESCENT_S: f64 = 2.0;
-/// The hover ends at the latest this long after its time, target reached or not.
+/// Above the height of contact, a stop counts as contact only this long after a phase of the descent began (s):
+/// before, it may be the end of braking, whose thrust the engine model follows late.
+const BRAKING_IN_TERMINAL_S: f64 = 1.0;
+const BRAKING_IN_DESCENT_S: f64 = 2.0;
+/// Height below which the vehicle may be in contact (m).
+const CONTACT_HEIGHT_M: f64 = 0.10;
+/// Share of the terminal speed below which the vehicle has stopped.
+const STOPPED_SHARE: f64 = 0.45;
+/// Shares of the weight that the ground carries at contact, in the terminal phase and before it.
+const CONTACT_FORCE_TERMINAL: f64 = 0.25;
+const CONTACT_FORCE_DESCENT: f64 = 0.5;
+/// From contact to engine shutdown (s).
+const TOUCHDOWN_TIME_S: f64 = 0.3;
+/// The hover ends at the latest this long after its time, whether the target is reached or not (s).
 const TARGET_WAIT_S: f64 = 20.0;
 
 impl Default for Sequence {
@@ -81,7 +91,7 @@ impl Default for Sequence {
 impl Sequence {
     /// In the given phase, just entered.
     pub const fn starting_at(phase: Phase) -> Self {
-        Self { phase, time_in_phase_s: 0.0, flame_for_s: 0.0, contact_for_s: 0.0 }
+        Self { phase, time_in_phase_s: 0.0, lit_time_s: 0.0, contact_time_s: 0.0 }
     }
 
     /// The present phase.
@@ -101,64 +111,78 @@ impl Sequence {
     }
 
     /// Advances by `dt_s`; at most one change of phase.
-    pub fn step(&mut self, mission: &Mission, parameters: &SequenceParameters, e: &Evidence, dt_s: f64) {
+    pub fn step(
+        &mut self,
+        mission: &Mission,
+        parameters: &SequenceParameters,
+        e: &SequenceInputs,
+        dt_s: f64,
+    ) {
         self.time_in_phase_s += dt_s;
-        self.watch_flame(parameters, e, dt_s);
-        self.watch_contact(mission, e, dt_s);
+        self.update_lit_time(parameters, e, dt_s);
+        self.update_contact_time(mission, e, dt_s);
         if let Some(next) = self.next_phase(mission, parameters, e) {
             self.enter(next, 0.0);
         }
     }
 
-    fn next_phase(&self, mission: &Mission, parameters: &SequenceParameters, e: &Evidence) -> Option<Phase> {
+    fn next_phase(
+        &self,
+        mission: &Mission,
+        parameters: &SequenceParameters,
+        e: &SequenceInputs,
+    ) -> Option<Phase> {
         let t = self.time_in_phase_s;
-        let contact = self.contact_for_s >= CONTACT_CONFIRMATION_S;
+        let contact = self.contact_time_s >= CONTACT_CONFIRMATION_S;
         match self.phase {
             Phase::Align => e.aligned.then_some(Phase::Ready),
             Phase::Ready => (t >= mission.ready_s).then_some(Phase::Ignition),
-            Phase::Ignition if self.flame_for_s >= parameters.thrust_rise_s => Some(Phase::Ascent),
+            Phase::Ignition if self.lit_time_s >= parameters.thrust_rise_s => Some(Phase::Ascent),
             Phase::Ignition => (t >= parameters.ignition_timeout_s).then_some(Phase::Shutdown),
             Phase::Ascent => e.reference_at_hover.then_some(Phase::Hover),
             Phase::Hover => {
-                let there = e.reference_over_target || t >= mission.hover_time_s + TARGET_WAIT_S;
-                (t >= mission.hover_time_s && there).then_some(Phase::Descent)
+                let at_target = e.reference_over_target || t >= mission.hover_time_s + TARGET_WAIT_S;
+                (t >= mission.hover_time_s && at_target).then_some(Phase::Descent)
             }
             Phase::Descent | Phase::AbortLand if contact => Some(Phase::Touchdown),
             Phase::Descent | Phase::AbortLand => {
                 (e.height_m <= mission.terminal_height_m).then_some(Phase::Terminal)
             }
             Phase::Terminal => contact.then_some(Phase::Touchdown),
-            Phase::Touchdown => (t >= 0.3).then_some(Phase::Shutdown),
+            Phase::Touchdown => (t >= TOUCHDOWN_TIME_S).then_some(Phase::Shutdown),
             Phase::Shutdown | Phase::AbortCut => (t >= parameters.disarm_after_s).then_some(Phase::Done),
             Phase::Done => None,
         }
     }
 
-    fn watch_flame(&mut self, parameters: &SequenceParameters, e: &Evidence, dt_s: f64) {
-        let burning = self.phase == Phase::Ignition
+    fn update_lit_time(&mut self, parameters: &SequenceParameters, e: &SequenceInputs, dt_s: f64) {
+        let lit = self.phase == Phase::Ignition
             && match e.chamber_pa {
                 Some(p) => p >= parameters.lit_pressure_pa,
                 None => self.time_in_phase_s >= parameters.assumed_ignition_s,
             };
-        self.flame_for_s = if burning { self.flame_for_s + dt_s } else { 0.0 };
+        self.lit_time_s = if lit { self.lit_time_s + dt_s } else { 0.0 };
     }
 
-    /// Two of three: low, stopped though told to sink, carried by something that is not thrust. Who is not low must
-    /// have had time to sink. On the ground both signs last, so waiting costs a second on its feet at most.
-    fn watch_contact(&mut self, mission: &Mission, e: &Evidence, dt_s: f64) {
-        let low = e.height_m < 0.10;
-        let stopped = e.descent_speed_m_s < 0.45 * mission.terminal_speed_m_s;
-        let carried = e.unexplained_force > 0.25;
+    /// Contact is two of three signs: low, stopped against the command to descend, carried by a force other than thrust.
+    /// Without the first, the phase must have lasted: on the ground the other two persist, so that this costs at most a
+    /// second or two on the legs.
+    fn update_contact_time(&mut self, mission: &Mission, e: &SequenceInputs, dt_s: f64) {
+        let low = e.height_m < CONTACT_HEIGHT_M;
+        let stopped = e.descent_speed_m_s < STOPPED_SHARE * mission.terminal_speed_m_s;
+        let carried = e.unexplained_force > CONTACT_FORCE_TERMINAL;
         let contact = match self.phase {
             Phase::Terminal if low => stopped || carried,
-            Phase::Terminal => self.time_in_phase_s > SETTLED_IN_TERMINAL_S && stopped && carried,
-            // A vehicle that meets the ground while it believes to be high is stopped hard.
+            Phase::Terminal => self.time_in_phase_s > BRAKING_IN_TERMINAL_S && stopped && carried,
+            // A vehicle that meets the ground with a wrong height estimate is stopped hard.
             Phase::Descent | Phase::AbortLand => {
-                self.time_in_phase_s > SETTLED_IN_DESCENT_S && stopped && e.unexplained_force > 0.5
+                self.time_in_phase_s > BRAKING_IN_DESCENT_S
+                    && stopped
+                    && e.unexplained_force > CONTACT_FORCE_DESCENT
             }
             _ => false,
         };
-        self.contact_for_s = if contact { self.contact_for_s + dt_s } else { 0.0 };
+        self.contact_time_s = if contact { self.contact_time_s + dt_s } else { 0.0 };
     }
 }
 
@@ -166,8 +190,8 @@ impl Sequence {
 mod tests {
     use super::*;
 
-    fn seen(height_m: f64, descent_speed_m_s: f64, unexplained_force: f64) -> Evidence {
-        Evidence {
+    fn inputs(height_m: f64, descent_speed_m_s: f64, unexplained_force: f64) -> SequenceInputs {
+        SequenceInputs {
             aligned: true,
             chamber_pa: None,
             height_m,
@@ -178,27 +202,27 @@ mod tests {
         }
     }
 
-    /// Seconds in the terminal phase until contact is believed, up to three.
-    fn contact_after_s(evidence: impl Fn(f64) -> Evidence) -> Option<f64> {
+    /// Seconds in the terminal phase until contact is confirmed, up to three.
+    fn contact_after_s(inputs: impl Fn(f64) -> SequenceInputs) -> Option<f64> {
         let (mission, parameters) = (Mission::default(), SequenceParameters::default());
         let mut sequence = Sequence::starting_at(Phase::Terminal);
         (1..=750).map(|i| 0.004 * f64::from(i)).find(|&t| {
-            sequence.step(&mission, &parameters, &evidence(t), 0.004);
+            sequence.step(&mission, &parameters, &inputs(t), 0.004);
             sequence.phase() == Phase::Touchdown
         })
     }
 
     #[test]
     fn the_end_of_braking_is_no_touchdown() {
-        // Braked too far, by thrust that the model has not followed yet, then sinking as told.
-        let braked = |t: f64| if t < 0.5 { seen(1.5, 0.24, 0.3) } else { seen(1.2, 0.8, 0.02) };
+        // Braked too far, by thrust that the model has not followed yet, then descending as commanded.
+        let braked = |t: f64| if t < 0.5 { inputs(1.5, 0.24, 0.3) } else { inputs(1.2, 0.8, 0.02) };
         assert_eq!(contact_after_s(braked), None);
-        // Standing where the estimate has it too high: believed, a second later.
-        let standing = contact_after_s(|_| seen(0.8, 0.0, 0.4)).unwrap();
+        // At rest with the height estimated too high: confirmed a second later.
+        let standing = contact_after_s(|_| inputs(0.8, 0.0, 0.4)).unwrap();
         assert!((standing - 1.0).abs() < 0.02, "{standing}");
         // Low, any other sign is enough, at the second sample.
-        assert_eq!(contact_after_s(|_| seen(0.05, 0.0, 0.0)), Some(0.008));
-        assert_eq!(contact_after_s(|_| seen(0.05, 0.8, 0.4)), Some(0.008));
-        assert_eq!(contact_after_s(|_| seen(0.05, 0.8, 0.0)), None);
+        assert_eq!(contact_after_s(|_| inputs(0.05, 0.0, 0.0)), Some(0.008));
+        assert_eq!(contact_after_s(|_| inputs(0.05, 0.8, 0.4)), Some(0.008));
+        assert_eq!(contact_after_s(|_| inputs(0.05, 0.8, 0.0)), None);
     }
 }
