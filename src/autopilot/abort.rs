@@ -1,12 +1,12 @@
 //! Aborts: the triggers that end a mission early, and the decision.
 //!
 //! There are two kinds. [`AbortKind::Land`] gives up the mission: a controlled landing where the vehicle is.
-//! [`AbortKind::Cut`] gives up the vehicle: engine off, wherever it is. Every trigger has a name, a limit in the
-//! `[mission.abort]` table and a time for which its condition has to hold without a break. A decision is latched: after
-//! an abort landing the mission is not resumed, and after a cut the engine is not restarted.
+//! [`AbortKind::Cut`] gives up the vehicle: engine off, wherever it is. Every trigger has a name, a limit in
+//! the `[mission.abort]` table and a time for which its condition has to hold without a break. A decision is
+//! latched: after an abort landing the mission is not resumed, and after a cut the engine is not restarted.
 //!
-//! The conditions are kinematic and few, so that a recording shows them. They compare the navigation's estimate, not
-//! the truth.
+//! The conditions are kinematic and few, so that a recording shows them. They compare the navigation's
+//! estimate, not the truth.
 
 use super::mission::{AbortLimits, Mission};
 use super::phase::Phase;
@@ -209,7 +209,8 @@ impl AbortWatch {
         let mut decided = None;
         for (reason, condition_time_s) in AbortReason::ALL.into_iter().zip(&mut self.condition_time_s) {
             let condition = match reason {
-                // Leaving counts: after a hand-over outside the volume the vehicle is not cut for what another pilot did.
+                // Leaving counts: after a hand-over outside the volume the vehicle is not cut for what
+                // another pilot did.
                 AbortReason::FlightVolume => self.was_inside && outside,
                 _ => condition_holds(reason, limits, inputs),
             };

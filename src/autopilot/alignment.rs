@@ -1,8 +1,8 @@
 //! Alignment at rest: averages of all sensors while the vehicle stands still.
 //!
-//! The accelerometer gives the level (its bias passes for tilt, which the filter accounts for), the gyroscope its own
-//! bias, the magnetometer the heading, satellite navigation the local origin, barometer and altimeter their offsets at a
-//! known height. Any motion restarts the averages.
+//! The accelerometer gives the level (its bias passes for tilt, which the filter accounts for), the gyroscope
+//! its own bias, the magnetometer the heading, satellite navigation the local origin, barometer and altimeter
+//! their offsets at a known height. Any motion restarts the averages.
 
 use crate::environment::geodesy::Geodetic;
 use crate::frame::Vec3;

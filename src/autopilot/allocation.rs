@@ -6,7 +6,8 @@ use crate::signal::Throttle;
 
 /// The engine's inverse: tables over thrust and port radius.
 ///
-/// Rows are port radii, columns thrusts, both rising. Bilinear between nodes; outside, the value at the nearest edge.
+/// Rows are port radii, columns thrusts, both rising. Bilinear between nodes; outside, the value at the
+/// nearest edge.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThrustMap {
     /// Thrust of the columns (N).
@@ -35,8 +36,8 @@ impl ThrustMap {
         )
     }
 
-    /// Thrust at a valve angle (N): the inverse of [`Self::valve_angle_rad`], by bisection. Outside the table the value
-    /// at the nearest edge; zero for a shut valve.
+    /// Thrust at a valve angle (N): the inverse of [`Self::valve_angle_rad`], by bisection. Outside the table
+    /// the value at the nearest edge; zero for a shut valve.
     pub fn thrust_at_valve_n(&self, valve_rad: f64, port_radius_m: f64) -> f64 {
         let (Some(&least), Some(&most)) = (self.thrust_n.first(), self.thrust_n.last()) else { return 0.0 };
         if valve_rad < 0.3 * self.valve_angle_rad(least, port_radius_m) {
@@ -147,9 +148,9 @@ impl Allocation {
         Self { gimbal_x_rad, gimbal_y_rad, ..self }
     }
 
-    /// Gimbal angles and roll command for a torque about the COM (N m): `M = T l sin δ` with thrust T along a line
-    /// through the pivot, a lever arm l below the COM `com_body_m`, less the torque of the thrust line with the gimbal
-    /// at zero.
+    /// Gimbal angles and roll command for a torque about the COM (N m): `M = T l sin δ` with thrust T along a
+    /// line through the pivot, a lever arm l below the COM `com_body_m`, less the torque of the thrust line
+    /// with the gimbal at zero.
     pub fn step(
         &mut self,
         parameters: &ActuatorParameters,

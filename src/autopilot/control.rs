@@ -1,12 +1,13 @@
-//! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate →
-//! torque. It flies until the vehicle is free of its legs, as the last rung under predictive tracking, and with
+//! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate → torque.
+//! It flies until the vehicle is free of its legs, as the last rung under predictive tracking, and with
 //! `mission.control = "cascaded"`.
 //!
-//! The swinging engine causes a pair of zeros of torque over gimbal angle at √(T (l + s_e/m)/(I_e + s_e l)), with I_e and
-//! s_e the engine's inertia and first moment about the pivot: near 13 rad/s for this class of vehicle. The liquid sloshes
-//! near 14 rad/s with 3 % damping. The rate loop therefore crosses over near a third of that. Above the zeros the gimbal's
-//! inertial reaction has the sign of a rate feedback, so that the loop stays stable, but a higher bandwidth gains nothing.
-//! The controlled point is the centre of mass: at the pivot the side force would first act in the wrong direction.
+//! The swinging engine causes a pair of zeros of torque over gimbal angle at √(T (l + s_e/m)/(I_e + s_e l)),
+//! with I_e and s_e the engine's inertia and first moment about the pivot: near 13 rad/s for this class of
+//! vehicle. The liquid sloshes near 14 rad/s with 3 % damping. The rate loop therefore crosses over near a
+//! third of that. Above the zeros the gimbal's inertial reaction has the sign of a rate feedback, so that the
+//! loop stays stable, but a higher bandwidth gains nothing. The controlled point is the centre of mass: at
+//! the pivot the side force would first act in the wrong direction.
 
 use super::rigid_body::{MassProperties, MotionEstimate};
 use super::trajectory::Reference;
@@ -38,8 +39,8 @@ pub struct Gains {
 }
 
 impl Default for Gains {
-    /// For a valve of 5 Hz, a gimbal of 8 Hz, zeros at 12 rad/s: each loop has half the bandwidth of the next inner one
-    /// or less.
+    /// For a valve of 5 Hz, a gimbal of 8 Hz, zeros at 12 rad/s: each loop has half the bandwidth of the next
+    /// inner one or less.
     fn default() -> Self {
         Self {
             height_1_s: 1.0,
@@ -115,8 +116,8 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Continues from another controller's trim: at zero error the first demand is the torque `torque_xy_n_m` and the
-    /// horizontal acceleration `acceleration_ne_m_s2`.
+    /// Continues from another controller's trim: at zero error the first demand is the torque `torque_xy_n_m`
+    /// and the horizontal acceleration `acceleration_ne_m_s2`.
     pub const fn resume(torque_xy_n_m: [f64; 2], acceleration_ne_m_s2: [f64; 2]) -> Self {
         Self { acceleration_ne_m_s2, torque_xy_n_m }
     }

@@ -1,5 +1,5 @@
-//! The estimated state of the vehicle, from filter, engine model and disturbance observer, and the inputs of sequence and
-//! aborts derived from it.
+//! The estimated state of the vehicle, from filter, engine model and disturbance observer, and the inputs of
+//! sequence and aborts derived from it.
 
 use super::Autopilot;
 use super::abort::AbortInputs;
@@ -97,8 +97,8 @@ impl Autopilot {
         }
     }
 
-    /// Updates filter, engine and disturbance estimate; returns the length of the step (s), `None` without an inertial
-    /// sample.
+    /// Updates filter, engine and disturbance estimate; returns the length of the step (s), `None` without an
+    /// inertial sample.
     pub(super) fn update_estimate(&mut self, m: &Measurement, ground: GroundState) -> Option<f64> {
         if let Some(p) = m.pressures.chamber_pa.filter(|p| p.is_finite()) {
             self.chamber_pa = Some(p);
@@ -178,7 +178,8 @@ impl Autopilot {
         }
     }
 
-    /// Updates the disturbance observer in free flight, whoever flies; on the ground it only follows the gimbal.
+    /// Updates the disturbance observer in free flight, whoever flies; on the ground it only follows the
+    /// gimbal.
     fn update_observer(&mut self, dt_s: f64) {
         let control = self.control_in_force();
         let servo = &self.parameters.tracking.servo;

@@ -116,7 +116,8 @@ impl Autopilot {
         };
         let idle_n = self.parameters.actuators.thrust_min_n;
         match self.sequence.phase() {
-            // Disarmed, the isolation valve shuts too: a throttle valve that sticks open must not feed an engine that was cut.
+            // Disarmed, the isolation valve shuts too: a throttle valve that sticks open must not feed an
+            // engine that was cut.
             Phase::Align | Phase::Done | Phase::AbortCut => ActuatorCommand::SAFE,
             Phase::Ready => armed,
             Phase::Ignition => {

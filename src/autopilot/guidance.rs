@@ -1,8 +1,8 @@
 //! Guidance: the trajectory in force, the clock along it, and the closed-form ramps of each phase.
 //!
-//! Ramps: the speed toward the goal follows `v = √(2 a d)` with a linear end, acceleration is bounded by construction,
-//! and a moving average over 0.2 s makes the jerk finite. The average of a motion is itself a motion with consistent
-//! derivatives, and it ends where the original ends.
+//! Ramps: the speed toward the goal follows `v = √(2 a d)` with a linear end, acceleration is bounded by
+//! construction, and a moving average over 0.2 s makes the jerk finite. The average of a motion is itself a
+//! motion with consistent derivatives, and it ends where the original ends.
 
 use super::mission::Mission;
 use super::phase::Phase;
@@ -55,8 +55,8 @@ impl Guidance {
         self.trajectory.after(self.elapsed_s + seconds)
     }
 
-    /// Advances the clock. On a moving reference the clock meets the vehicle along the path: a timing error is not
-    /// corrected with thrust.
+    /// Advances the clock. On a moving reference the clock meets the vehicle along the path: a timing error
+    /// is not corrected with thrust.
     pub fn advance(&mut self, position_ned_m: Vec3, dt_s: f64) {
         let r = self.reference();
         let speed2 = r.velocity_ned_m_s.norm_squared();
@@ -166,7 +166,7 @@ impl MissionProfile<'_> {
             }
             _ if phase.is_descent() => {
                 let v = self.final_speed_m_s();
-                // The smoothed reference is half a window late: at the terminal height it steps_after_arrival has the
+                // The smoothed reference is half a window late: at the terminal height it still has the
                 // speed that the braking takes off in that time, so all of it begins that much higher.
                 let late_m = (v + 0.5 * a * WINDOW_S) * WINDOW_S;
                 let end_m = mission.terminal_height_m + TERMINAL_LEAD_M + late_m;

@@ -6,17 +6,17 @@
 //!               observer                (lcvx)      control)
 //! ```
 //!
-//! It sees the measurements of a flight computer and knows the data sheet in [`Parameters`], but neither vehicle nor
-//! plant. [`Autopilot::update`] flies, once per inertial sample (250 Hz). [`Autopilot::observe`] keeps filter, mass
-//! estimate and disturbance observer running while another pilot flies, and [`Autopilot::take_over`] continues from the
-//! state of that moment. Plans are ordered from the owner and delivered back ([`planning`]), so that no plan delays a
-//! command.
+//! It sees the measurements of a flight computer and knows the data sheet in [`Parameters`], but neither
+//! vehicle nor plant. [`Autopilot::update`] flies, once per inertial sample (250 Hz). [`Autopilot::observe`]
+//! keeps filter, mass estimate and disturbance observer running while another pilot flies, and
+//! [`Autopilot::take_over`] continues from the state of that moment. Plans are ordered from the owner and
+//! delivered back ([`planning`]), so that no plan delays a command.
 //!
-//! Failures are caught by two ladders of fallbacks: [`lcvx::Rung`] for plans, [`tracking::Rung`] for commands, whose last
-//! rung is the cascaded loops of [`control`]. The use of each rung is counted.
+//! Failures are caught by two ladders of fallbacks: [`lcvx::Rung`] for plans, [`tracking::Rung`] for
+//! commands, whose last rung is the cascaded loops of [`control`]. The use of each rung is counted.
 //!
-//! Position is local: the origin lies on the pad surface under the point where the vehicle was aligned, so that the
-//! constant part of the satellite position error cancels.
+//! Position is local: the origin lies on the pad surface under the point where the vehicle was aligned, so
+//! that the constant part of the satellite position error cancels.
 
 // The flight as data.
 pub mod mission;
@@ -166,8 +166,8 @@ impl Autopilot {
         self.command
     }
 
-    /// Without an inertial sample the last command stays in force for a short time, then the open-loop command, at last a
-    /// cut.
+    /// Without an inertial sample the last command stays in force for a short time, then the open-loop
+    /// command, at last a cut.
     fn without_inertial_sample(&mut self, now: SimTime) -> ActuatorCommand {
         let silence_s = now.since(self.time).s();
         if !self.sequence.phase().is_flight() || silence_s <= tracking::OLDEST_PLAN_S {
@@ -183,8 +183,8 @@ impl Autopilot {
         self.command
     }
 
-    /// Follows another pilot, whose command `applied` is in force: updates filter, mass, trim and disturbances, commands
-    /// nothing.
+    /// Follows another pilot, whose command `applied` is in force: updates filter, mass, trim and
+    /// disturbances, commands nothing.
     pub fn observe(&mut self, m: &Measurement, applied: &ActuatorCommand) {
         self.command = *applied;
         let demanded = applied.armed && self.demand_n() > self.parameters.propellant.thrust_shut_n;
@@ -209,8 +209,8 @@ impl Autopilot {
         }
     }
 
-    /// Becomes the pilot. In the air it continues the mission from where the vehicle is, if the propellant allows, else it
-    /// lands; on the ground it shuts the engine down and does not start again.
+    /// Becomes the pilot. In the air it continues the mission from where the vehicle is, if the propellant
+    /// allows, else it lands; on the ground it shuts the engine down and does not start again.
     pub fn take_over(&mut self) {
         if !self.airborne || self.rest_time_s > 0.5 || !self.navigation.is_aligned() {
             let phase = if self.command.armed { Phase::Shutdown } else { Phase::Done };
@@ -268,8 +268,8 @@ impl Autopilot {
         self.guidance.reference()
     }
 
-    /// The mission as it is flown. A hand-over far from the target moves the target there, an abort to where the
-    /// vehicle can stop.
+    /// The mission as it is flown. A hand-over far from the target moves the target there, an abort to where
+    /// the vehicle can stop.
     pub const fn mission(&self) -> &Mission {
         &self.parameters.mission
     }

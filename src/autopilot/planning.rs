@@ -1,9 +1,9 @@
 //! Planning of climb and landing beside the control loop: orders, answers, deadlines.
 //!
-//! A plan takes milliseconds and must not delay the loop: the autopilot makes an [`Order`], its owner solves it on any
-//! thread and delivers the answer. The plan begins [`LATENCY_S`] after the order and is adopted exactly then, so that a
-//! flight in memory and one with a planning thread give the same bits as long as answers come in time. A late answer is
-//! counted, and the trajectory in force is flown on.
+//! A plan takes milliseconds and must not delay the loop: the autopilot makes an [`Order`], its owner solves
+//! it on any thread and delivers the answer. The plan begins [`LATENCY_S`] after the order and is adopted
+//! exactly then, so that a flight in memory and one with a planning thread give the same bits as long as
+//! answers come in time. A late answer is counted, and the trajectory in force is flown on.
 
 use super::Autopilot;
 use super::lcvx::{self, Engine, GlideSlope, Limits, Plan, PlanRequest, Problem, Rung, Start, Target};
@@ -19,19 +19,20 @@ pub const LATENCY_S: f64 = 0.2;
 const REPLAN_S: f64 = 1.0;
 /// No new plan with less than this to go (s).
 const FREEZE_S: f64 = 3.0;
-/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step.
-/// Wider than any tracking error by gusts: a plan from the disturbed motion would extend the flight time each second, and
-/// the vehicle would never land.
+/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join
+/// without a step. Wider than any tracking error by gusts: a plan from the disturbed motion would extend the
+/// flight time each second, and the vehicle would never land.
 const TUBE_M: f64 = 2.0;
 const TUBE_M_S: f64 = 1.5;
-/// A landing may climb this much faster than the vehicle climbs already (m/s): a climb costs no more than a hover, but
-/// brings the vehicle no closer to the ground.
+/// A landing may climb this much faster than the vehicle climbs already (m/s): a climb costs no more than a
+/// hover, but brings the vehicle no closer to the ground.
 const LANDING_CLIMB_M_S: f64 = 0.5;
 /// Time that a due plan waits for a trajectory clock that runs slow (s).
 const JOIN_WAIT_S: f64 = 0.06;
 /// Nodes of a plan.
 const NODES: usize = 30;
-/// The thrust band of plans, as multiples of the least and the greatest command: the rest is the margin of control.
+/// The thrust band of plans, as multiples of the least and the greatest command: the rest is the margin of
+/// control.
 const BAND_LOW: f64 = 1.5;
 const BAND_HIGH: f64 = 0.9;
 /// Share of the tilt limit that plans may use.
@@ -67,7 +68,8 @@ pub struct Planning {
     /// Orders so far: the number of the newest.
     ordered: u64,
     begins: Option<SimTime>,
-    /// Time on the trajectory in force at which the plan joins it (s); `None`: the plan begins at the vehicle's motion.
+    /// Time on the trajectory in force at which the plan joins it (s); `None`: the plan begins at the
+    /// vehicle's motion.
     join_s: Option<f64>,
     outbox: Option<Order>,
     answer: Option<Plan>,
@@ -169,7 +171,8 @@ impl Autopilot {
             return;
         }
         let since_s = self.time.since(begins).s();
-        // The trajectory clock has been shifted since: the plan joins at its place on the trajectory, not at its time.
+        // The trajectory clock has been shifted since: the plan joins at its place on the trajectory, not at
+        // its time.
         let past_s = self.planning.join_s.map_or(since_s, |join_s| self.guidance.elapsed_s() - join_s);
         if past_s < 0.0 && since_s < JOIN_WAIT_S {
             return;

@@ -1,10 +1,10 @@
 //! Roll thrusters: the command for a roll torque, as a duty or as pulses.
 //!
-//! Two kinds of driver. One modulates pulses itself and takes the duty; pulses from here would be modulated twice. The
-//! other opens a valve for as long as the command lasts; its pulses are modulated here, by an integrator of the impulse
-//! error: a pulse begins when half a shortest pulse is missing and ends when as much has been given in excess, so that the
-//! impulse is never wrong by a whole pulse. One signed command drives both pairs, so that they never fire against each
-//! other.
+//! Two kinds of driver. One modulates pulses itself and takes the duty; pulses from here would be modulated
+//! twice. The other opens a valve for as long as the command lasts; its pulses are modulated here, by an
+//! integrator of the impulse error: a pulse begins when half a shortest pulse is missing and ends when as
+//! much has been given in excess, so that the impulse is never wrong by a whole pulse. One signed command
+//! drives both pairs, so that they never fire against each other.
 
 /// Where pulses are modulated.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! The mission sequence: which phase the flight is in, and what ends it.
 //!
-//! The sequence is a chain. Each phase ends on evidence from the sensors (chamber lit, height reached, contact),
-//! and where evidence may never come, on time. An abort ([`super::abort`]) is the only branch: it is entered from
-//! outside and joins the chain again at the terminal phase or at disarmed.
+//! The sequence is a chain. Each phase ends on evidence from the sensors (chamber lit, height reached,
+//! contact), and where evidence may never come, on time. An abort ([`super::abort`]) is the only branch: it
+//! is entered from outside and joins the chain again at the terminal phase or at disarmed.
 
 use super::mission::Mission;
 use super::phase::Phase;
@@ -66,8 +66,8 @@ pub struct Sequence {
 
 /// Time for which contact must be detected: two inertial samples, against a single bad one (s).
 const CONTACT_CONFIRMATION_S: f64 = 0.008;
-/// Above the height of contact, a stop counts as contact only this long after a phase of the descent began (s):
-/// before, it may be the end of braking, whose thrust the engine model follows late.
+/// Above the height of contact, a stop counts as contact only this long after a phase of the descent began
+/// (s): before, it may be the end of braking, whose thrust the engine model follows late.
 const BRAKING_IN_TERMINAL_S: f64 = 1.0;
 const BRAKING_IN_DESCENT_S: f64 = 2.0;
 /// Height below which the vehicle may be in contact (m).
@@ -164,9 +164,9 @@ impl Sequence {
         self.lit_time_s = if lit { self.lit_time_s + dt_s } else { 0.0 };
     }
 
-    /// Contact is two of three signs: low, stopped against the command to descend, carried by a force other than thrust.
-    /// Without the first, the phase must have lasted: on the ground the other two persist, so that this costs at most a
-    /// second or two on the legs.
+    /// Contact is two of three signs: low, stopped against the command to descend, carried by a force other
+    /// than thrust. Without the first, the phase must have lasted: on the ground the other two persist, so
+    /// that this costs at most a second or two on the legs.
     fn update_contact_time(&mut self, mission: &Mission, e: &SequenceInputs, dt_s: f64) {
         let low = e.height_m < CONTACT_HEIGHT_M;
         let stopped = e.descent_speed_m_s < STOPPED_SHARE * mission.terminal_speed_m_s;

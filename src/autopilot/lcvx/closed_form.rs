@@ -36,8 +36,8 @@ pub(super) fn known_position(problem: &Problem) -> Vec3 {
     points.into_iter().find(known).unwrap_or_default()
 }
 
-/// The shortest polynomial of fifth order from start to target that keeps thrust band, tilt limit, speed limits
-/// and ground; at the end only the weight is carried.
+/// The shortest polynomial of fifth order from start to target that keeps thrust band, tilt limit, speed
+/// limits and ground; at the end only the weight is carried.
 pub(super) fn quintic(problem: &Problem) -> Option<Vec<Node>> {
     let distance_m = (problem.target.position_ned_m - problem.start.position_ned_m).norm();
     let mut time_s = (distance_m / problem.limits.speed_m_s).max(1.0);
@@ -106,7 +106,8 @@ fn keeps_limits(problem: &Problem, nodes: &[Node]) -> bool {
     })
 }
 
-/// Brakes horizontal motion, and descends to the target's height at 5, 1.5 and at last 0.8 m/s, or climbs to it.
+/// Brakes horizontal motion, and descends to the target's height at 5, 1.5 and at last 0.8 m/s, or climbs to
+/// it.
 ///
 /// Acceleration follows the wanted speed with a time constant, is bounded, and is integrated as trajectories
 /// are: linear between nodes.

@@ -1,10 +1,10 @@
 //! Second-order cone programs, and the interior-point solver behind them.
 //!
-//! Least q·x subject to A x + s = b, s in a product of cones: zeros, then nonnegative numbers, then second-order
-//! cones. The solver is Clarabel (Goulart and Chen, "Clarabel: An interior-point solver for conic programs with
-//! quadratic objectives", 2024) with its QDLDL factorisation on one thread. Its iterative refinement is off:
-//! the iterates agree and it would cost half of the time. Without a limit in time the answer depends on the
-//! data alone.
+//! Least q·x subject to A x + s = b, s in a product of cones: zeros, then nonnegative numbers, then
+//! second-order cones. The solver is Clarabel (Goulart and Chen, "Clarabel: An interior-point solver for
+//! conic programs with quadratic objectives", 2024) with its QDLDL factorisation on one thread. Its iterative
+//! refinement is off: the iterates agree and it would cost half of the time. Without a limit in time the
+//! answer depends on the data alone.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};

@@ -1,9 +1,9 @@
 //! The flight time: the least one for which the problem has a solution, found by bisection.
 //!
-//! A longer flight costs more fuel, because the engine holds the weight for longer: the least-fuel time is the
-//! edge of feasibility, and no minimum has to be searched. The plan takes longer than that, to leave tracking a
-//! margin. The search begins at a lower bound, the time-optimal motion along each direction alone, which is mostly
-//! within a second of the answer; so the previous plan is not needed to start it.
+//! A longer flight costs more fuel, because the engine holds the weight for longer: the least-fuel time is
+//! the edge of feasibility, and no minimum has to be searched. The plan takes longer than that, to leave
+//! tracking a margin. The search begins at a lower bound, the time-optimal motion along each direction alone,
+//! which is mostly within a second of the answer; so the previous plan is not needed to start it.
 
 use super::conic::{Accuracy, Solver, Status};
 use super::problem::Problem;
@@ -84,8 +84,8 @@ pub(super) fn planned_s(problem: &Problem, least_s: f64, share: f64) -> f64 {
     (share * least_s).min(endurance_s(problem).unwrap_or(least_s)).max(least_s)
 }
 
-/// The longest flight that the propellant carries (s). |∫ u dt| = |Δv - g t| can not exceed ∫ σ dt, and all of
-/// the propellant gives ln(m₀/m_dry)/α.
+/// The longest flight that the propellant carries (s). |∫ u dt| = |Δv - g t| can not exceed ∫ σ dt, and all
+/// of the propellant gives ln(m₀/m_dry)/α.
 fn endurance_s(problem: &Problem) -> Option<f64> {
     let (g, engine) = (problem.gravity_m_s2, &problem.engine);
     let most_m_s = libm::log(problem.start.mass_kg / engine.dry_mass_kg) / engine.mass_flow_per_thrust_s_m;
@@ -96,8 +96,8 @@ fn endurance_s(problem: &Problem) -> Option<f64> {
     (time_s > 0.0).then_some(time_s)
 }
 
-/// A lower bound of the flight time (s): each direction alone, under the greatest acceleration that thrust and tilt
-/// give it at any mass of the flight. For the least landing error only the vertical distance counts.
+/// A lower bound of the flight time (s): each direction alone, under the greatest acceleration that thrust
+/// and tilt give it at any mass of the flight. For the least landing error only the vertical distance counts.
 pub(super) fn lower_bound_s(problem: &Problem, objective: Objective) -> f64 {
     let (engine, limits, g) = (&problem.engine, &problem.limits, problem.gravity_m_s2);
     let distance = problem.target.position_ned_m - problem.start.position_ned_m;

@@ -1,5 +1,6 @@
-//! Optimal guidance by lossless convexification: a least-fuel motion of the point mass under the engine's thrust
-//! band, found in a few milliseconds by a second-order cone program, or the next best motion if there is none.
+//! Optimal guidance by lossless convexification: a least-fuel motion of the point mass under the engine's
+//! thrust band, found in a few milliseconds by a second-order cone program, or the next best motion if there
+//! is none.
 //!
 //! ```text
 //! Problem ─► flight time (bisection) ─► transcription ─► conic solver ─► verification ─► Trajectory

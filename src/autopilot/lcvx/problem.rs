@@ -79,8 +79,8 @@ pub struct Problem {
     pub nodes: usize,
 }
 
-/// Greatest least thrust as a share of the final weight. With a least thrust above the weight the relaxation is not
-/// tight: the optimum burns more than its thrust needs.
+/// Greatest least thrust as a share of the final weight. With a least thrust above the weight the relaxation
+/// is not tight: the optimum burns more than its thrust needs.
 pub const THRUST_FLOOR_SHARE: f64 = 0.85;
 
 /// Why a problem is not put to the solver.

@@ -1,7 +1,7 @@
 //! The planning problem over a given flight time as a second-order cone program, and its answer as a motion.
 //!
-//! Variables of node k, all in units of 10 m, seconds and the logarithm of mass: position r, velocity v,
-//! w = ln(m/m₀), thrust per mass u, and σ ≥ |u|, in which the mass flow is linear: w' = -α σ. Thrust per mass is
+//! Variables of node k, all in units of 10 m, seconds and the logarithm of mass: position r, velocity v, w =
+//! ln(m/m₀), thrust per mass u, and σ ≥ |u|, in which the mass flow is linear: w' = -α σ. Thrust per mass is
 //! linear between nodes, so that the double integrator is discretised without error:
 //!
 //! ```text
@@ -18,9 +18,9 @@
 //! lies inside the band, since 1 - d ≤ e^(-d) ≤ 1 - d + d²/2 for d ≥ 0. Tilt is -u_z ≥ σ cos θ.
 //!
 //! Sources: Açıkmeşe and Ploen, "Convex Programming Approach to Powered Descent Guidance for Mars Landing",
-//! J. Guidance 30-5, 2007, Eqs 29 to 37 (relaxation, logarithm of mass, bounds); Blackmore, Açıkmeşe and Scharf,
-//! "Minimum-Landing-Error Powered-Descent Guidance", J. Guidance 33-4, 2010 (landing error, glide slope).
-//! At the optimum σ = |u| under the conditions proven there; [`super::verification`] checks it.
+//! J. Guidance 30-5, 2007, Eqs 29 to 37 (relaxation, logarithm of mass, bounds); Blackmore, Açıkmeşe and
+//! Scharf, "Minimum-Landing-Error Powered-Descent Guidance", J. Guidance 33-4, 2010 (landing error, glide
+//! slope). At the optimum σ = |u| under the conditions proven there; [`super::verification`] checks it.
 
 use super::conic::{Program, Rows};
 use super::problem::Problem;
@@ -236,8 +236,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// From the variables of a program. Only u and σ are taken; the rest is rolled out from the start, so that
-    /// the solver's residual does not stand between the nodes.
+    /// From the variables of a program. Only u and σ are taken; the rest is rolled out from the start, so
+    /// that the solver's residual does not stand between the nodes.
     pub fn new(problem: &Problem, flight_time_s: f64, x: &[f64]) -> Self {
         let h = flight_time_s / (problem.nodes - 1) as f64;
         let node = |k: usize| &x[SIZE * k..SIZE * (k + 1)];

@@ -1,10 +1,11 @@
-//! Verification between solver and flight: a solution is accepted if it is optimal, tight, and reaches its target.
+//! Verification between solver and flight: a solution is accepted if it is optimal, tight, and reaches its
+//! target.
 //!
-//! "Solved" alone is not enough. Where the least thrust exceeds the weight the relaxation is not tight, and the
-//! solver still reports an optimum: of a vehicle whose mass flow exceeds what its thrust needs. In discrete time a few loose
-//! nodes may remain in other cases too (Luo, Echigo and Açıkmeşe, "Revisiting Lossless Convexification:
-//! Theoretical Guarantees for Discrete-time Optimal Control Problems", 2024). So σ = |u| is checked, and the
-//! planned thrust is integrated with the exact mass equation m' = -α T by RK4.
+//! "Solved" alone is not enough. Where the least thrust exceeds the weight the relaxation is not tight, and
+//! the solver still reports an optimum: of a vehicle whose mass flow exceeds what its thrust needs. In
+//! discrete time a few loose nodes may remain in other cases too (Luo, Echigo and Açıkmeşe, "Revisiting
+//! Lossless Convexification: Theoretical Guarantees for Discrete-time Optimal Control Problems", 2024). So σ
+//! = |u| is checked, and the planned thrust is integrated with the exact mass equation m' = -α T by RK4.
 
 use super::conic::{self, Accuracy, Solution, Status};
 use super::problem::Problem;
@@ -20,8 +21,8 @@ pub const MISS_MAX_M: f64 = 0.2;
 pub const MISS_MAX_M_S: f64 = 0.1;
 /// Share of a thrust limit by which a node may exceed it: solver accuracy.
 const NODE_SHARE: f64 = 1e-3;
-/// The same halfway between nodes. Direction turns there: between two thrusts on the floor at opposite tilts of
-/// 12 deg it is short by 1 - cos 12 deg, 2.2 %.
+/// The same halfway between nodes. Direction turns there: between two thrusts on the floor at opposite tilts
+/// of 12 deg it is short by 1 - cos 12 deg, 2.2 %.
 const MIDPOINT_SHARE: f64 = 0.03;
 /// Integration steps between two nodes.
 const SUBSTEPS: usize = 4;
@@ -105,8 +106,8 @@ pub fn solve(
     FixedTimeSolution { solution, motion: Some(motion), verdict }
 }
 
-/// Checks a solved motion. Nodes need not be tight if thrust lies in its band at all nodes and halfway between them:
-/// then the motion costs more fuel than necessary, but can be flown as planned.
+/// Checks a solved motion. Nodes need not be tight if thrust lies in its band at all nodes and halfway
+/// between them: then the motion costs more fuel than necessary, but can be flown as planned.
 fn check(problem: &Problem, objective: Objective, motion: &Motion) -> Result<Quality, Rejection> {
     let gap = gap(motion);
     if let Some(outside) = outside_band(problem, motion) {

@@ -1,8 +1,8 @@
 //! Interior-point method that keeps the stages of the program: a few microseconds a stage.
 //!
 //! Primal-dual with Mehrotra's predictor and corrector. Inequalities are a z + t = b with slack t > 0 and
-//! multiplier λ > 0; Newton's step of their products leaves a program without inequalities whose weights carry
-//! λ/t, and that is a Riccati recursion ([`super::riccati`]), factorised once an iteration and swept
+//! multiplier λ > 0; Newton's step of their products leaves a program without inequalities whose weights
+//! carry λ/t, and that is a Riccati recursion ([`super::riccati`]), factorised once an iteration and swept
 //! twice. The states follow the inputs exactly at every iterate, so that dynamics leave no residual. The
 //! slack of a tilt limit is eliminated in closed form before the recursion.
 //!
@@ -26,11 +26,11 @@ const TILT_LOW: usize = TILT_HIGH + 2;
 const SLACK: usize = TILT_LOW + 2;
 /// Distance from the limits at the start: of the inputs, and of the slack of tilt from zero.
 const MARGIN: f64 = 0.1;
-/// Least slack at the start. Wide, since a point close to a limit has a long way to any other; inputs need not
-/// keep their limits on the way.
+/// Least slack at the start. Wide, since a point close to a limit has a long way to any other; inputs need
+/// not keep their limits on the way.
 const START_SLACK: f64 = 1.0;
-/// Slack times multiplier at the start: at least so much, and this share of the gradient that multipliers will have
-/// to balance. Too small a product leaves them too short, and every step of theirs ends at a limit.
+/// Slack times multiplier at the start: at least so much, and this share of the gradient that multipliers
+/// will have to balance. Too small a product leaves them too short, and every step of theirs ends at a limit.
 const START_PRODUCT: f64 = 10.0;
 const START_SHARE: f64 = 0.03;
 /// Share of the step to the boundary.

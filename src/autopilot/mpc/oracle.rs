@@ -1,8 +1,9 @@
-//! The same program handed to Clarabel, a general sparse conic solver: the reference in tests, the fallback in flight.
+//! The same program handed to Clarabel, a general sparse conic solver: the reference in tests, the fallback
+//! in flight.
 //!
 //! It knows nothing of stages: one sparse matrix of all equations and inequalities, entries that are zero
-//! left out, since its factorisation pays for each. Iterative refinement is off: it doubles the time
-//! and changes no digit that matters here. It allocates. Source of the solver: P. Goulart and Y. Chen, Clarabel:
+//! left out, since its factorisation pays for each. Iterative refinement is off: it doubles the time and
+//! changes no digit that matters here. It allocates. Source of the solver: P. Goulart and Y. Chen, Clarabel:
 //! An interior-point solver for conic programs with quadratic objectives, arXiv 2405.12762.
 
 use clarabel::algebra::CscMatrix;

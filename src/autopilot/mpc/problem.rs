@@ -135,8 +135,8 @@ pub enum Status {
     Solved,
     /// The best iterate when the iterations ran out: inside all limits, and as good as its residuals say.
     IterationLimit,
-    /// The program is not sound (not finite, too large, wrong sign) or the arithmetic broke down. Nothing else
-    /// in the answer is to be used.
+    /// The program is not sound (not finite, too large, wrong sign) or the arithmetic broke down. Nothing
+    /// else in the answer is to be used.
     #[default]
     NumericalFailure,
 }
@@ -165,7 +165,8 @@ pub struct Solution {
     pub inputs: [[f64; INPUTS]; MAX_STAGES],
     /// x₀ … x_N as the model predicts them from the inputs; zero beyond.
     pub states: [[f64; STATES]; MAX_STAGES + 1],
-    /// Change of u₀ with x₀, du₀/dx₀, from the last factorisation. Limits that hold an input make its row vanish.
+    /// Change of u₀ with x₀, du₀/dx₀, from the last factorisation. Limits that hold an input make its row
+    /// vanish.
     pub feedback: [[f64; STATES]; INPUTS],
     /// Iterations taken.
     pub iterations: usize,

@@ -59,8 +59,8 @@ pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
     None
 }
 
-/// A model laid out for the recursion. Products with matrices run over the entries of A and B that are not zero,
-/// column by column; products with vectors are too short for that to pay.
+/// A model laid out for the recursion. Products with matrices run over the entries of A and B that are not
+/// zero, column by column; products with vectors are too short for that to pay.
 #[derive(Clone, Debug)]
 pub struct Columns {
     begin: [u8; COLUMNS + 1],

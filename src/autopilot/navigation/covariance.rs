@@ -59,8 +59,8 @@ pub(super) fn initial(
             c[(ACCEL_BIAS + j, ATTITUDE + i)] = cross[(i, j)];
         }
     }
-    // The pivot does not move with a tilt error, but the inertial unit above it does, and so does the antenna. The
-    // mean fix of the antenna defined the origin: the drift takes up the difference.
+    // The pivot does not move with a tilt error, but the inertial unit above it does, and so does the
+    // antenna. The mean fix of the antenna defined the origin: the drift takes up the difference.
     add_tilt_displacement(&mut c, POSITION, -skew(q_ned_from_body * p.imu_body_m));
     add_tilt_displacement(&mut c, GNSS_DRIFT, skew(q_ned_from_body * gnss.antenna_body_m));
     c
@@ -82,7 +82,8 @@ fn add_tilt_displacement(c: &mut Covariance, first: usize, from_tilt: Mat3) {
     }
 }
 
-/// Predicts over one inertial sample: its specific force in NED axes, and the rotation at the middle of its interval.
+/// Predicts over one inertial sample: its specific force in NED axes, and the rotation at the middle of its
+/// interval.
 pub(super) fn predict(
     c: &mut Covariance,
     p: &NavigationParameters,
@@ -92,8 +93,8 @@ pub(super) fn predict(
 ) {
     let r = *ned_from_body;
     let velocity_from_tilt = -skew(specific_force_ned_m_s2) * dt_s;
-    // Transition of the error, with the half steps of the state. First F P, row blocks from the top, so that every
-    // block still reads old rows below it; then (F P) Fᵀ.
+    // Transition of the error, with the half steps of the state. First F P, row blocks from the top, so that
+    // every block still reads old rows below it; then (F P) Fᵀ.
     for j in 0..STATES {
         let mut column = c.column_mut(j);
         let (th, bg, ba) = (
@@ -130,7 +131,8 @@ pub(super) fn predict(
             c[(j, i)] = c[(i, j)];
         }
     }
-    // White noise of a sample, half as much again for vibration and integration; random walks of the slow states.
+    // White noise of a sample, half as much again for vibration and integration; random walks of the slow
+    // states.
     let velocity = 1.5 * p.accelerometer.noise_std_m_s2 * dt_s;
     let angle = 1.5 * p.gyroscope.noise_std_rad_s * dt_s;
     let (gyro_walk, accel_walk) =

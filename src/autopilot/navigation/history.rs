@@ -1,7 +1,7 @@
 //! History of the motion, for measurements that arrive late.
 //!
-//! A late measurement is compared with the state of the instant it was taken, to which all corrections made since are
-//! added: each entry holds the sum of the corrections so far.
+//! A late measurement is compared with the state of the instant it was taken, to which all corrections made
+//! since are added: each entry holds the sum of the corrections so far.
 
 use super::state::NominalState;
 use crate::frame::Vec3;
@@ -57,8 +57,8 @@ impl History {
 
     /// Adds the present motion.
     pub(super) fn push(&mut self, time: SimTime, state: &NominalState, rate_body_rad_s: Vec3) {
-        // A faster unit does not shorten the history: the newest entry moves along until it is far enough from the
-        // one before.
+        // A faster unit does not shorten the history: the newest entry moves along until it is far enough
+        // from the one before.
         let before = &self.entries[(self.newest + LENGTH - 1) % LENGTH];
         if self.entries[self.newest].time.since(before.time) >= SPACING {
             self.newest = (self.newest + 1) % LENGTH;

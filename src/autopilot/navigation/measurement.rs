@@ -1,6 +1,8 @@
-//! Measurement models of the filter: the innovation of each sensor, its sensitivity to the error, and its noise.
+//! Measurement models of the filter: the innovation of each sensor, its sensitivity to the error, and its
+//! noise.
 //!
-//! A measurement is one or more [`Scalar`]s, all of the state before it; the filter fuses them one after the other.
+//! A measurement is one or more [`Scalar`]s, all of the state before it; the filter fuses them one after the
+//! other.
 
 use super::history::PastMotion;
 use super::parameters::NavigationParameters;
@@ -143,8 +145,8 @@ pub(super) fn barometer(
     }
 }
 
-/// Heading only. A tilt error turns the horizontal part of the dipping field too, but then hard iron that turns with the
-/// body would pass for tilt: the heading bias, prior and random walk, carries both.
+/// Heading only. A tilt error turns the horizontal part of the dipping field too, but then hard iron that
+/// turns with the body would pass for tilt: the heading bias, prior and random walk, carries both.
 pub(super) fn magnetometer(
     p: &NavigationParameters,
     state: &NominalState,
@@ -180,9 +182,9 @@ pub(super) fn expected_range_m(
     height / cosine.max(0.5)
 }
 
-/// Range to the ground, inside the altimeter's limits and at a small tilt. The sensitivity to tilt is left out on purpose:
-/// a millimetre of offset or slope would be taken for milliradians of tilt, and its real effect is within the centimetre
-/// added to the noise.
+/// Range to the ground, inside the altimeter's limits and at a small tilt. The sensitivity to tilt is left
+/// out on purpose: a millimetre of offset or slope would be taken for milliradians of tilt, and its real
+/// effect is within the centimetre added to the noise.
 pub(super) fn altimeter(
     p: &NavigationParameters,
     past: &PastMotion,

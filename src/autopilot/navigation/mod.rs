@@ -1,14 +1,14 @@
 //! Navigation: error-state Kalman filter over inertial, satellite, pressure, magnetic and laser
 //! measurements.
 //!
-//! The filter estimates the motion of the inertial unit itself, so that neither angular acceleration nor the moving
-//! centre of mass enter the prediction; pivot and centre of mass follow by lever arm. Twenty error states:
-//! position, velocity, attitude (a rotation about NED axes), gyroscope and accelerometer bias, barometer offset,
-//! drift of the satellite position since the alignment, and the heading error of the magnetometer.
-//! Measurements are scalars, gated at 5 σ. Each is compared with the state of the instant it was taken (a
-//! history holds the last half second) and corrects the present state. While the vehicle certainly stands on
-//! the ground, zero velocity and, on the pad, the known position are measurements too: they fix the drift, and
-//! separate tilt from accelerometer bias as far as they can be separated.
+//! The filter estimates the motion of the inertial unit itself, so that neither angular acceleration nor the
+//! moving centre of mass enter the prediction; pivot and centre of mass follow by lever arm. Twenty error
+//! states: position, velocity, attitude (a rotation about NED axes), gyroscope and accelerometer bias,
+//! barometer offset, drift of the satellite position since the alignment, and the heading error of the
+//! magnetometer. Measurements are scalars, gated at 5 σ. Each is compared with the state of the instant it
+//! was taken (a history holds the last half second) and corrects the present state. While the vehicle
+//! certainly stands on the ground, zero velocity and, on the pad, the known position are measurements too:
+//! they fix the drift, and separate tilt from accelerometer bias as far as they can be separated.
 //!
 //! Equations: J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, with the attitude
 //! error on the world side. Flat, non-turning Earth: valid for flights of a minute within a kilometre.
@@ -174,7 +174,8 @@ impl Navigation {
         let before = self.state;
         if let Some(imu) = &m.imu {
             let gap_s = self.time.map_or(imu.interval_s, |t| m.time.since(t).s());
-            // A sample after a lost one covers the gap too; a clock that stands still does not stop the filter.
+            // A sample after a lost one covers the gap too; a clock that stands still does not stop the
+            // filter.
             let dt_s = if gap_s > 0.5 * imu.interval_s { gap_s } else { imu.interval_s }.clamp(0.0, 0.1);
             let f = imu.specific_force_body_m_s2;
             let w = imu.rate_body_rad_s;
@@ -292,8 +293,8 @@ impl Navigation {
         measurement::altimeter(&self.parameters, &past, self.altimeter_offset_m, sample)
     }
 
-    /// Fuses the scalars of one measurement, each less what those before it have already explained; returns whether
-    /// all were accepted.
+    /// Fuses the scalars of one measurement, each less what those before it have already explained; returns
+    /// whether all were accepted.
     fn fuse_all(&mut self, scalars: &[Scalar]) -> bool {
         let mut explained = ErrorVector::zeros();
         let mut all = true;

@@ -105,7 +105,8 @@ pub struct NavigationParameters {
     pub altimeter_body_m: Vec3,
     /// Delay of the altimeter (s).
     pub altimeter_delay_s: f64,
-    /// Magnetic field at the site from a field model, NED (T). `None`: the heading on the pad is `rest_heading_rad`.
+    /// Magnetic field at the site from a field model, NED (T). `None`: the heading on the pad is
+    /// `rest_heading_rad`.
     pub magnetic_field_ned_t: Option<Vec3>,
     /// Magnetometer errors.
     pub magnetometer: MagnetometerNoise,

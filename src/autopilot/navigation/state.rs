@@ -1,4 +1,5 @@
-//! The state of the filter: the nominal state, and where the components of its error stand in vectors and covariance.
+//! The state of the filter: the nominal state, and where the components of its error stand in vectors and
+//! covariance.
 
 use crate::frame::Vec3;
 use nalgebra::{SMatrix, SVector, UnitQuaternion};

@@ -121,7 +121,8 @@ fn magnetometer_scalar(navigation: &Navigation, field_body_t: &Vec3) -> Scalar {
     measurement::magnetometer(&navigation.parameters, &navigation.state, field_body_t).unwrap()
 }
 
-/// Largest difference between the rows of a measurement and the derivative of what it expects, but for `left_out`.
+/// Largest difference between the rows of a measurement and the derivative of what it expects, but for
+/// `left_out`.
 fn worst_row(scalars: impl Fn(&Navigation) -> Vec<Scalar>, left_out: &[usize]) -> f64 {
     let navigation = in_flight();
     let rows = scalars(&navigation);
@@ -173,8 +174,8 @@ fn the_rows_are_the_derivatives_of_the_measurements() {
     assert!(pad < 1e-6, "{pad}");
 }
 
-/// The update takes K s Kᵀ away. Joseph's form, (1 - K h) C (1 - K h)ᵀ + K r Kᵀ, is the same for the optimal gain, and
-/// neither loses symmetry or positive definiteness over a flight's worth of updates.
+/// The update takes K s Kᵀ away. Joseph's form, (1 - K h) C (1 - K h)ᵀ + K r Kᵀ, is the same for the optimal
+/// gain, and neither loses symmetry or positive definiteness over a flight's worth of updates.
 #[test]
 fn the_update_is_joseph_s_and_the_covariance_stays_one() {
     let mut navigation = in_flight();

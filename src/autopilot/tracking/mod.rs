@@ -1,5 +1,5 @@
-//! Predictive tracking: fifty times a second the optimal inputs for the next second and a half, between solves their
-//! feedback, and a ladder of fallbacks.
+//! Predictive tracking: fifty times a second the optimal inputs for the next second and a half, between
+//! solves their feedback, and a ladder of fallbacks.
 //!
 //! ```text
 //! reference ahead ─┐
@@ -7,8 +7,8 @@
 //! disturbances ────┘                                         (model)     (transcription, mpc)
 //! ```
 //!
-//! Solves are counted on each [`Rung`] of the ladder. The last rung is not here: when [`Tracker::step`] gives nothing, the
-//! caller flies the cascaded controller. No plan is flown for longer than [`OLDEST_PLAN_S`].
+//! Solves are counted on each [`Rung`] of the ladder. The last rung is not here: when [`Tracker::step`] gives
+//! nothing, the caller flies the cascaded controller. No plan is flown for longer than [`OLDEST_PLAN_S`].
 
 pub mod model;
 
@@ -124,7 +124,8 @@ impl Tracker {
         self.counts
     }
 
-    /// One step. `ahead` gives the reference that many seconds from now. `None`: the cascaded controller flies.
+    /// One step. `ahead` gives the reference that many seconds from now. `None`: the cascaded controller
+    /// flies.
     pub fn step(
         &mut self,
         p: &TrackingParameters,

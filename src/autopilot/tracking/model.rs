@@ -11,15 +11,17 @@
 //! Inputs: thrust commanded (kN), gimbal angles about x and y (0.1 rad), roll torque (10 N m), all absolute.
 //! The heading frame is NED rotated by the reference heading about the vertical.
 //!
-//! Recoil of the swinging engine: a gimbal that turns by δ turns the body the same way by κ δ at once, with
-//! κ = (I_e + s_e l)/I, I_e and s_e the engine's inertia and first moment about the pivot and l the lever arm. It is the
-//! cause of the zeros of torque over gimbal angle. The total angular momentum does not change with it: attitude and rate
-//! of the model are θ - κ δ and ω - κ δ', whose second derivative is thrust times lever arm times angle over inertia.
+//! Recoil of the swinging engine: a gimbal that turns by δ turns the body the same way by κ δ at once, with κ
+//! = (I_e + s_e l)/I, I_e and s_e the engine's inertia and first moment about the pivot and l the lever arm.
+//! It is the cause of the zeros of torque over gimbal angle. The total angular momentum does not change with
+//! it: attitude and rate of the model are θ - κ δ and ω - κ δ', whose second derivative is thrust times lever
+//! arm times angle over inertia.
 //!
-//! The reference is a motion of the model itself (thrust along the demanded specific force, trim angles that balance the
-//! disturbance), so the deviation is linear; its only constant term is the change of the reference's body rate. The
-//! matrices are exact for coefficients held over a stage, with the rotation of the reference to third order. Source: exact
-//! integration of the chain torque, rate, attitude, velocity, position; thrust is a first-order lag.
+//! The reference is a motion of the model itself (thrust along the demanded specific force, trim angles that
+//! balance the disturbance), so the deviation is linear; its only constant term is the change of the
+//! reference's body rate. The matrices are exact for coefficients held over a stage, with the rotation of the
+//! reference to third order. Source: exact integration of the chain torque, rate, attitude, velocity,
+//! position; thrust is a first-order lag.
 
 use crate::autopilot::mpc::{INPUTS, Linear, STATES};
 use crate::frame::{Mat3, Vec3, skew};
@@ -38,7 +40,8 @@ pub struct Airframe {
     pub mass_kg: f64,
     /// Principal moments about the centre of mass, FRD x, y, z (kg m²).
     pub inertia_kg_m2: [f64; 3],
-    /// From the centre of mass down to the gimbal pivot (m), plus the shift of the centre that the swinging engine causes.
+    /// From the centre of mass down to the gimbal pivot (m), plus the shift of the centre that the swinging
+    /// engine causes.
     pub lever_arm_m: f64,
     /// Rotation of the body per gimbal angle, at once, axes x and y.
     pub recoil: [f64; 2],
@@ -97,7 +100,8 @@ pub struct ThrustAttitude {
 }
 
 impl ThrustAttitude {
-    /// For a specific force of the engine (m/s², heading frame) on this mass, by the shortest rotation of the long axis.
+    /// For a specific force of the engine (m/s², heading frame) on this mass, by the shortest rotation of the
+    /// long axis.
     pub fn of(specific_force_m_s2: Vec3, mass_kg: f64) -> Self {
         let size = specific_force_m_s2.norm();
         let down = if size > 1e-3 { -specific_force_m_s2 / size } else { Vec3::z() };
@@ -135,8 +139,8 @@ pub struct StageModel {
     pub constant: [f64; STATES],
 }
 
-/// One stage of `dt_s` about a reference attitude that turns at `rate_body_rad_s` and whose body rate changes by
-/// `rate_change_rad_s` during the stage.
+/// One stage of `dt_s` about a reference attitude that turns at `rate_body_rad_s` and whose body rate changes
+/// by `rate_change_rad_s` during the stage.
 pub fn stage_model(
     airframe: &Airframe,
     reference: &ThrustAttitude,
@@ -148,7 +152,8 @@ pub fn stage_model(
     let (mass, thrust_n) = (airframe.mass_kg, reference.thrust_n);
     let r = reference.heading_from_body;
 
-    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is seen from a turning frame.
+    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is seen from a turning
+    // frame.
     let w = skew(rate_body_rad_s);
     let (w2, one) = (w * w, Mat3::identity());
     let e0 = one - w * h + w2 * (0.5 * h * h) - w2 * w * (h * h * h / 6.0);
@@ -227,7 +232,8 @@ mod tests {
 
     type Point = SVector<f64, STATES>;
 
-    /// The model before any linearisation, rates of [p v R ω T] in SI, attitude as rotation matrix; inputs SI.
+    /// The model before any linearisation, rates of [p v R ω T] in SI, attitude as rotation matrix; inputs
+    /// SI.
     struct Motion {
         p: Vec3,
         v: Vec3,
@@ -250,8 +256,8 @@ mod tests {
         (force, turn, (u[0] - m.thrust_n) / a.thrust_lag_s)
     }
 
-    /// Deviation after a stage from one before it: the full motion by fine steps, less the reference's. The reference turns
-    /// steadily at its rate, carried by thrust along its axis.
+    /// Deviation after a stage from one before it: the full motion by fine steps, less the reference's. The
+    /// reference turns steadily at its rate, carried by thrust along its axis.
     fn fly(deviation: &Point, input: &[f64; 4], pose: &ThrustAttitude, rate: Vec3, h: f64) -> Point {
         let d = |i: usize| Vec3::new(deviation[i], deviation[i + 1], deviation[i + 2]);
         let mut m = Motion {
@@ -316,8 +322,8 @@ mod tests {
         for rate in [Vec3::zeros(), Vec3::new(0.08, -0.05, 0.0)] {
             let s = stage_model(&AIRFRAME, &pose, rate, Vec3::zeros(), 0.05);
             let step = 1e-4;
-            // The thrust turns with the body while the linearisation holds the reference's axis: half the turn of a stage, of
-            // the 13.3 m/s² that a kilonewton gives 75 kg, over a stage.
+            // The thrust turns with the body while the linearisation holds the reference's axis: half the
+            // turn of a stage, of the 13.3 m/s² that a kilonewton gives 75 kg, over a stage.
             let slack = 1e-6 + 0.5 * rate.norm() * 0.05 * 13.3 * 0.05;
             for column in 0..STATES + INPUTS {
                 let at = |sign: f64| {

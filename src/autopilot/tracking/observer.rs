@@ -1,10 +1,11 @@
 //! Disturbance observers: a force and an offset of the thrust line, estimated from the motion.
 //!
 //! Two Luenberger observers, each with a constant unknown: velocity with a force per mass (wind,
-//! accelerometer bias, wrong mass), angular momentum with an offset of the thrust line from the centre of mass (mass off
-//! the axis, misaligned thrust). As part of the model they make predictive control free of steady-state error, since in
-//! a steady state such an observer reproduces the measured motion. The offset is a length because its effect scales with
-//! thrust. Source: Pannocchia and Rawlings, "Disturbance models for offset-free model-predictive control", 2003.
+//! accelerometer bias, wrong mass), angular momentum with an offset of the thrust line from the centre of
+//! mass (mass off the axis, misaligned thrust). As part of the model they make predictive control free of
+//! steady-state error, since in a steady state such an observer reproduces the measured motion. The offset is
+//! a length because its effect scales with thrust. Source: Pannocchia and Rawlings, "Disturbance models for
+//! offset-free model-predictive control", 2003.
 
 use super::model::{Airframe, Control};
 use crate::autopilot::rigid_body::MotionEstimate;
@@ -40,7 +41,8 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// Advances toward a command, in steps that a servo of 20 Hz still resolves; a command that is not finite moves nothing.
+    /// Advances toward a command, in steps that a servo of 20 Hz still resolves; a command that is not finite
+    /// moves nothing.
     pub fn step(&mut self, p: &ServoParameters, command_rad: f64, dt_s: f64) {
         const SUBSTEPS: u32 = 4;
         let h = dt_s / f64::from(SUBSTEPS);

@@ -38,9 +38,10 @@ pub struct TrackingParameters {
     pub stand_in: Settings,
 }
 
-/// Costs of a stage in the units of [`super::model`]. Tuned on hops in gusts with a misaligned engine: position error
-/// against gimbal activity (10 instead of 4 on position reduces the hover's error by a sixth), and a cost of roll torque
-/// at which the thrusters do not respond to heading noise (a tenth of the nitrogen).
+/// Costs of a stage in the units of [`super::model`]. Tuned on hops in gusts with a misaligned engine:
+/// position error against gimbal activity (10 instead of 4 on position reduces the hover's error by a sixth),
+/// and a cost of roll torque at which the thrusters do not respond to heading noise (a tenth of the
+/// nitrogen).
 pub const WEIGHTS: StageCost = StageCost {
     state: [10.0, 10.0, 8.0, 2.0, 2.0, 4.0, 0.3, 0.3, 0.1, 0.02, 0.02, 0.02, 0.01],
     input: [2.0, 0.5, 0.5, 10.0],

@@ -161,7 +161,8 @@ pub(super) fn fill(
     problem.terminal_tilt = tilt_of(&attitude);
 }
 
-/// Rotation of the body that points the thrust, deflected by the trim angles, along the reference; less their recoil (rad).
+/// Rotation of the body that points the thrust, deflected by the trim angles, along the reference; less their
+/// recoil (rad).
 fn trim_attitude_rad(s: &TrackerInput) -> [f64; 2] {
     let trim = s.observer.trim_rad(s.airframe);
     [0, 1].map(|i| (1.0 - s.airframe.recoil[i]) * trim[i])
