@@ -111,7 +111,8 @@ pub enum Refusal {
     },
     /// The engine cannot throttle deep enough below the weight.
     #[error(
-        "least thrust {thrust_min_n} N exceeds {limit_n} N, {THRUST_FLOOR_SHARE} of the weight at {mass_kg} kg"
+        "least thrust {thrust_min_n} N exceeds {limit_n} N, \
+         {THRUST_FLOOR_SHARE} of the weight at {mass_kg} kg"
     )]
     ThrustFloor {
         /// Lower end of the band (N).

@@ -1,4 +1,5 @@
-//! Predictive control as a quadratic program: its statement, our own solver, and an independent one.
+//! Predictive control as a quadratic program: the program, an interior-point solver, and an independent
+//! solver.
 //!
 //! ```text
 //! Problem → interior_point::solve → Solution      in flight: fixed size, no allocation, few microseconds a stage
