@@ -87,6 +87,7 @@ const TERMINAL_LEAD_M: f64 = 0.1;
 /// Height above which the horizontal transfer may begin (m).
 const LATERAL_HEIGHT_M: f64 = 3.0;
 
+/// Unsmoothed motion at one step of a ramp.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     position: Vec3,
@@ -273,7 +274,7 @@ mod tests {
 
     const REST: Vec3 = Vec3::new(0.0, 0.0, -0.741);
 
-    fn standing(position_ned_m: Vec3) -> Reference {
+    fn at_rest(position_ned_m: Vec3) -> Reference {
         Reference { position_ned_m, ..Reference::default() }
     }
 
@@ -281,7 +282,7 @@ mod tests {
     fn climb_ends_at_the_hover_height_within_the_limits() {
         let mission = Mission::default();
         let profile = MissionProfile { mission: &mission, rest_ned_m: REST };
-        let climb = profile.ramps(Phase::Ascent, &standing(REST), SimTime::ZERO);
+        let climb = profile.ramps(Phase::Ascent, &at_rest(REST), SimTime::ZERO);
         for pair in climb.nodes().windows(2) {
             let (a, b) = (&pair[0], &pair[1]);
             assert!(-b.velocity_ned_m_s.z <= 6.0 + 1e-9);
@@ -302,7 +303,7 @@ mod tests {
     fn descent_reaches_the_terminal_speed_at_the_terminal_height() {
         let mission = Mission::default();
         let profile = MissionProfile { mission: &mission, rest_ned_m: REST };
-        let down = profile.ramps(Phase::Descent, &standing(profile.hover_ned_m()), SimTime::ZERO);
+        let down = profile.ramps(Phase::Descent, &at_rest(profile.hover_ned_m()), SimTime::ZERO);
         let low = |t: &f64| REST.z - down.after(*t).position_ned_m.z <= mission.terminal_height_m;
         let time_s = (0..).map(|i| 0.004 * f64::from(i)).find(low).unwrap();
         let speed = down.after(time_s).velocity_ned_m_s.z;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What kind of flight.
+/// Kind of flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MissionKind {
@@ -11,33 +11,33 @@ pub enum MissionKind {
     Hop,
 }
 
-/// What the autopilot believes of the vehicle's mass properties.
+/// How the autopilot estimates the mass properties in flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MassKnowledge {
-    /// They follow the propellant that its engine model says is gone.
+    /// From the propellant used, by the engine model.
     #[default]
     Live,
-    /// They stay as they were loaded, to see what the knowledge is worth.
+    /// Constant, as at lift-off; for studies of what the estimate is worth.
     Liftoff,
 }
 
-/// What lays out the way up and the way down.
+/// Guidance of climb and descent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GuidanceLaw {
-    /// Least fuel for 1.2 times the least flight time under the engine's thrust band, by lossless convexification; replanned on the way down. Ramps at the speed limits are shorter and use less.
+    /// Least fuel over 1.2 times the least flight time, by lossless convexification; replanned during the descent.
     #[default]
     Lcvx,
-    /// Closed-form ramps of the accelerations below.
+    /// Closed-form ramps at the accelerations below. At the speed limits they take less time and less fuel.
     Ramps,
 }
 
-/// What turns a reference into thrust and moments.
+/// Tracking control.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlLaw {
-    /// Model-predictive control with the cascade as its last rung.
+    /// Model-predictive control; the cascaded loops are its last fallback.
     #[default]
     Predictive,
     /// The cascaded loops alone.
@@ -50,11 +50,11 @@ pub enum ControlLaw {
 pub struct Mission {
     /// Kind of flight.
     pub kind: MissionKind,
-    /// What the autopilot believes of mass, centre of mass and inertia in flight.
+    /// How the autopilot estimates mass, centre of mass and inertia in flight.
     pub mass_knowledge: MassKnowledge,
-    /// What lays out climb and descent.
+    /// Guidance of climb and descent.
     pub guidance: GuidanceLaw,
-    /// What follows the reference.
+    /// Tracking control.
     pub control: ControlLaw,
     /// Greatest speed of the climb (m/s).
     #[schemars(range(min = 0.2, max = 20.0))]
@@ -128,22 +128,22 @@ impl Default for Mission {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AbortLimits {
-    /// `propellant`, a landing: propellant time kept beyond what the way down needs (s).
+    /// `propellant`, a landing: endurance kept beyond the time of the descent (s).
     #[schemars(range(min = 0.0, max = 60.0))]
     pub reserve_s: f64,
-    /// `tilt`, a landing: greatest tilt (rad); it must lie over `mission.tilt_limit_rad`.
+    /// `tilt`, a landing: greatest tilt (rad); must exceed `mission.tilt_limit_rad`.
     #[schemars(range(min = 0.05, max = 1.5))]
     pub tilt_rad: f64,
-    /// `tilt`: for so long (s).
+    /// `tilt`: time above it (s).
     #[schemars(range(min = 0.0, max = 5.0))]
     pub tilt_s: f64,
-    /// `navigation`, a landing: satellite fixes refused in succession, while the altimeter is silent for a second. Three mean a receiver or a filter that is wrong.
+    /// `navigation`, a landing: satellite fixes refused in succession while the altimeter is silent.
     #[schemars(range(min = 1, max = 100))]
     pub gnss_refused: u32,
-    /// `navigation`, a landing: time without a satellite fix that was used, while the altimeter is silent (s). The filter coasts 5 s within 1.5 m.
+    /// `navigation`, a landing: time without a used satellite fix while the altimeter is silent (s).
     #[schemars(range(min = 0.2, max = 60.0))]
     pub gnss_silence_s: f64,
-    /// `wind`, a landing: greatest sideways acceleration by the air, averaged over a second (m/s²).
+    /// `wind`, a landing: greatest lateral acceleration by the wind, for a second (m/s²).
     #[schemars(range(min = 0.05, max = 10.0))]
     pub wind_m_s2: f64,
     /// `off_reference`, a landing: greatest distance from the reference (m).
@@ -152,25 +152,25 @@ pub struct AbortLimits {
     /// `toppling`, a cut: greatest tilt (rad).
     #[schemars(range(min = 0.1, max = 3.0))]
     pub cut_tilt_rad: f64,
-    /// `flight_volume`, a cut: radius of the cylinder about the starting point that must not be left (m); absent: 30 m beyond the landing point.
+    /// `flight_volume`, a cut: radius about the starting point (m); absent: 30 m beyond the landing point.
     #[schemars(range(min = 1.0, max = 5000.0))]
     pub radius_m: Option<f64>,
     /// `flight_volume`, a cut: height of its ceiling (m); absent: 20 m over the hover.
     #[schemars(range(min = 1.0, max = 5000.0))]
     pub ceiling_m: Option<f64>,
-    /// `cannot_stop`, a cut: speed at which the ground may be met after braking with full thrust all the way (m/s).
+    /// `cannot_stop`, a cut: greatest speed at the ground after braking with full thrust (m/s).
     #[schemars(range(min = 0.5, max = 50.0))]
     pub impact_speed_m_s: f64,
-    /// `cannot_stop`: height under which braking does more than falling, so that the engine stays on (m).
+    /// `cannot_stop`: height below which the engine stays on, to brake (m).
     #[schemars(range(min = 0.0, max = 500.0))]
     pub ballistic_height_m: f64,
-    /// `runaway`, a cut: share of the weight by which thrust may exceed what was commanded while the vehicle climbs.
+    /// `runaway`, a cut: excess of thrust over its command in a climb, as a share of the weight.
     #[schemars(range(min = 0.05, max = 5.0))]
     pub runaway_share: f64,
-    /// `inertial`, a cut: time without an inertial sample (s). From 60 ms on the engine is straight and carries the weight.
+    /// `inertial`, a cut: time without an inertial sample (s); after 60 ms thrust equals the weight.
     #[schemars(range(min = 0.1, max = 5.0))]
     pub inertial_silence_s: f64,
-    /// Height under which nothing cuts the engine (m).
+    /// Height below which no trigger cuts the engine (m).
     #[schemars(range(min = 0.0, max = 50.0))]
     pub cut_height_m: f64,
 }

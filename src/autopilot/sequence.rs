@@ -218,8 +218,8 @@ mod tests {
         let braked = |t: f64| if t < 0.5 { inputs(1.5, 0.24, 0.3) } else { inputs(1.2, 0.8, 0.02) };
         assert_eq!(contact_after_s(braked), None);
         // At rest with the height estimated too high: confirmed a second later.
-        let standing = contact_after_s(|_| inputs(0.8, 0.0, 0.4)).unwrap();
-        assert!((standing - 1.0).abs() < 0.02, "{standing}");
+        let at_rest_s = contact_after_s(|_| inputs(0.8, 0.0, 0.4)).unwrap();
+        assert!((at_rest_s - 1.0).abs() < 0.02, "{at_rest_s}");
         // Low, any other sign is enough, at the second sample.
         assert_eq!(contact_after_s(|_| inputs(0.05, 0.0, 0.0)), Some(0.008));
         assert_eq!(contact_after_s(|_| inputs(0.05, 0.8, 0.4)), Some(0.008));

@@ -1,4 +1,4 @@
-//! What the filter is told before the flight: sensors, their noise, and the site.
+//! Parameters of the filter: sensors, their noise, and the site.
 
 use crate::frame::Vec3;
 

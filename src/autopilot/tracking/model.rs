@@ -152,7 +152,7 @@ pub fn stage_model(
     let (mass, thrust_n) = (airframe.mass_kg, reference.thrust_n);
     let r = reference.heading_from_body;
 
-    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is seen from a turning
+    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is relative to a turning
     // frame.
     let w = skew(rate_body_rad_s);
     let (w2, one) = (w * w, Mat3::identity());
@@ -258,19 +258,19 @@ mod tests {
 
     /// Deviation after a stage from one before it: the full motion by fine steps, less the reference's. The
     /// reference turns steadily at its rate, carried by thrust along its axis.
-    fn fly(deviation: &Point, input: &[f64; 4], pose: &ThrustAttitude, rate: Vec3, h: f64) -> Point {
+    fn fly(deviation: &Point, input: &[f64; 4], attitude: &ThrustAttitude, rate: Vec3, h: f64) -> Point {
         let d = |i: usize| Vec3::new(deviation[i], deviation[i + 1], deviation[i + 2]);
         let mut m = Motion {
             p: d(0),
             v: d(3),
-            r: pose.heading_from_body * Rotation3::new(d(6) * ANGLE_RAD).matrix(),
+            r: attitude.heading_from_body * Rotation3::new(d(6) * ANGLE_RAD).matrix(),
             w: rate + d(9) * ANGLE_RAD,
-            thrust_n: pose.thrust_n + deviation[12] * THRUST_N,
+            thrust_n: attitude.thrust_n + deviation[12] * THRUST_N,
         };
         let (mut reference_v, mut reference_p, mut reference_r) =
-            (Vec3::zeros(), Vec3::zeros(), pose.heading_from_body);
+            (Vec3::zeros(), Vec3::zeros(), attitude.heading_from_body);
         let u = [
-            pose.thrust_n + input[0] * THRUST_N,
+            attitude.thrust_n + input[0] * THRUST_N,
             input[1] * ANGLE_RAD,
             input[2] * ANGLE_RAD,
             input[3] * TORQUE_N_M,
@@ -295,8 +295,9 @@ mod tests {
             m.thrust_n += dn_middle * dt;
             let half = reference_r * Rotation3::new(rate * (0.5 * dt)).matrix();
             // The linearisation holds the reference's axis over the stage.
-            let wanted =
-                -pose.heading_from_body.column(2).into_owned() * (pose.thrust_n / AIRFRAME.mass_kg) + GRAVITY;
+            let wanted = -attitude.heading_from_body.column(2).into_owned()
+                * (attitude.thrust_n / AIRFRAME.mass_kg)
+                + GRAVITY;
             reference_p += (reference_v + wanted * (0.5 * dt)) * dt;
             reference_v += wanted * dt;
             reference_r = half * Rotation3::new(rate * (0.5 * dt)).matrix();
@@ -312,15 +313,15 @@ mod tests {
             out[6 + i] = small[i] / ANGLE_RAD;
             out[9 + i] = (m.w[i] - rate[i]) / ANGLE_RAD;
         }
-        out[12] = (m.thrust_n - pose.thrust_n) / THRUST_N;
+        out[12] = (m.thrust_n - attitude.thrust_n) / THRUST_N;
         out
     }
 
     #[test]
     fn stage_matrices_are_the_derivatives_of_the_full_motion() {
-        let pose = ThrustAttitude::of(Vec3::new(0.8, -1.1, -9.0), AIRFRAME.mass_kg);
+        let attitude = ThrustAttitude::of(Vec3::new(0.8, -1.1, -9.0), AIRFRAME.mass_kg);
         for rate in [Vec3::zeros(), Vec3::new(0.08, -0.05, 0.0)] {
-            let s = stage_model(&AIRFRAME, &pose, rate, Vec3::zeros(), 0.05);
+            let s = stage_model(&AIRFRAME, &attitude, rate, Vec3::zeros(), 0.05);
             let step = 1e-4;
             // The thrust turns with the body while the linearisation holds the reference's axis: half the
             // turn of a stage, of the 13.3 m/s² that a kilonewton gives 75 kg, over a stage.
@@ -333,7 +334,7 @@ mod tests {
                     } else {
                         u[column - STATES] = sign * step
                     }
-                    fly(&x, &u, &pose, rate, 0.05)
+                    fly(&x, &u, &attitude, rate, 0.05)
                 };
                 let derivative = (at(1.0) - at(-1.0)) / (2.0 * step);
                 for row in 0..STATES {
@@ -355,10 +356,12 @@ mod tests {
     #[test]
     fn the_attitude_carries_the_specific_force() {
         let f = Vec3::new(0.9, -0.4, -9.3);
-        let pose = ThrustAttitude::of(f, 70.0);
-        assert!((pose.heading_from_body * Vec3::new(0.0, 0.0, -pose.thrust_n / 70.0) - f).norm() < 1e-12);
-        assert!((pose.heading_from_body.determinant() - 1.0).abs() < 1e-12);
+        let attitude = ThrustAttitude::of(f, 70.0);
+        assert!(
+            (attitude.heading_from_body * Vec3::new(0.0, 0.0, -attitude.thrust_n / 70.0) - f).norm() < 1e-12
+        );
+        assert!((attitude.heading_from_body.determinant() - 1.0).abs() < 1e-12);
         // Leaning forward is a negative turn about y.
-        assert!(pose.tilt_rad[1] < 0.0 && pose.tilt_rad[0] < 0.0);
+        assert!(attitude.tilt_rad[1] < 0.0 && attitude.tilt_rad[0] < 0.0);
     }
 }
