@@ -165,7 +165,7 @@ impl Loop {
     }
 
     fn fail(&mut self) {
-        (self.p.solver.iterations, self.p.stand_in.iterations) = (0, 0);
+        (self.p.solver.iterations, self.p.fallback_solver.iterations) = (0, 0);
     }
 }
 

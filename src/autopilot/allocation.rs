@@ -214,8 +214,8 @@ impl ActuatorParameters {
 
 #[cfg(test)]
 mod tests {
-    use super::super::roll::RollDrive;
     use super::*;
+    use crate::autopilot::roll::RollDrive;
 
     fn map() -> ThrustMap {
         ThrustMap {

@@ -41,10 +41,6 @@ pub struct Estimate {
     pub baro_offset_m: f64,
     /// Standard deviation of position (m).
     pub position_std_m: Vec3,
-    /// Standard deviation of velocity (m/s).
-    pub velocity_std_m_s: Vec3,
-    /// Standard deviation of attitude, about NED axes (rad).
-    pub attitude_std_rad: Vec3,
     /// Mass of the vehicle (kg).
     pub mass_kg: f64,
     /// Oxidiser used (kg).
@@ -71,7 +67,6 @@ impl Autopilot {
     /// The present estimate.
     pub fn estimate(&self) -> Estimate {
         let (pivot, biases) = (self.navigation.pivot(), self.navigation.biases());
-        let std = self.navigation.standard_deviations();
         Estimate {
             time: self.time,
             aligned: self.navigation.is_aligned(),
@@ -84,9 +79,7 @@ impl Autopilot {
             gyro_bias_rad_s: biases.gyro_rad_s,
             accel_bias_m_s2: biases.accel_m_s2,
             baro_offset_m: biases.baro_m,
-            position_std_m: std.position_m,
-            velocity_std_m_s: std.velocity_m_s,
-            attitude_std_rad: std.attitude_rad,
+            position_std_m: self.navigation.position_std_m(),
             mass_kg: self.propellant.mass_kg,
             oxidizer_used_kg: self.propellant.oxidizer_used_kg,
             fuel_used_kg: self.propellant.fuel_used_kg,

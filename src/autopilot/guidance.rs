@@ -111,7 +111,7 @@ impl MissionProfile<'_> {
     }
 
     /// Position of the pivot at rest on the landing point (m).
-    pub fn landing_ned_m(&self) -> Vec3 {
+    fn landing_ned_m(&self) -> Vec3 {
         let [north, east] = self.mission.target_north_east_m;
         self.rest_ned_m + Vec3::new(north, east, 0.0)
     }

@@ -90,7 +90,7 @@ impl Default for Sequence {
 
 impl Sequence {
     /// In the given phase, just entered.
-    pub const fn starting_at(phase: Phase) -> Self {
+    const fn starting_at(phase: Phase) -> Self {
         Self { phase, time_in_phase_s: 0.0, lit_time_s: 0.0, contact_time_s: 0.0 }
     }
 

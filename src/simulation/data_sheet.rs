@@ -101,7 +101,7 @@ fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
         engine_moment_kg_m: if gimbal.engine_inertia { swinging.first_moment_kg_m.z } else { 0.0 },
         engine_inertia_kg_m2: if gimbal.engine_inertia { swinging.inertia_kg_m2[(0, 0)] } else { 0.0 },
         solver: mpc::Settings::default(),
-        stand_in: mpc::Settings { iterations: 40, tolerance: 1e-6 },
+        fallback_solver: mpc::Settings { iterations: 40, tolerance: 1e-6 },
     }
 }
 

@@ -155,7 +155,7 @@ pub fn parameters(mission: Mission, rtk: bool) -> Parameters {
             engine_moment_kg_m: 2.6,
             engine_inertia_kg_m2: 0.7203,
             solver: mpc::Settings::default(),
-            stand_in: mpc::Settings { iterations: 40, tolerance: 1e-6 },
+            fallback_solver: mpc::Settings { iterations: 40, tolerance: 1e-6 },
         },
         planner: lcvx::Settings::FLIGHT,
     }

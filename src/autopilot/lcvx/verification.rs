@@ -14,11 +14,11 @@ use crate::frame::Vec3;
 use crate::integrator::{Integrable, rk4_step};
 
 /// Greatest (σ - |u|)/σ of a tight solution.
-pub const GAP_MAX: f64 = 1e-3;
+const GAP_MAX: f64 = 1e-3;
 /// Greatest distance of the integrated end from the target (m).
-pub const MISS_MAX_M: f64 = 0.2;
+const MISS_MAX_M: f64 = 0.2;
 /// Greatest error of the end velocity (m/s).
-pub const MISS_MAX_M_S: f64 = 0.1;
+const MISS_MAX_M_S: f64 = 0.1;
 /// Share of a thrust limit by which a node may exceed it: solver accuracy.
 const NODE_SHARE: f64 = 1e-3;
 /// The same halfway between nodes. Direction turns there: between two thrusts on the floor at opposite tilts

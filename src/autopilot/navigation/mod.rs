@@ -38,8 +38,8 @@ pub use parameters::{
     AccelerometerNoise, AltimeterNoise, BarometerNoise, GnssParameters, GyroscopeNoise, HorizontalVertical,
     MagnetometerNoise, NavigationParameters,
 };
-use state::{ATTITUDE, Covariance, ErrorVector, NominalState, POSITION, STATES, VELOCITY, block};
-pub use status::{AidingStatus, InnovationTally, NavigationHealth, SensorBiases, StandardDeviations};
+use state::{Covariance, ErrorVector, NominalState, POSITION, STATES, VELOCITY, block};
+pub use status::{AidingStatus, InnovationTally, NavigationHealth, SensorBiases};
 
 /// Whether the vehicle is known to stand on the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -403,15 +403,9 @@ impl Navigation {
         }
     }
 
-    /// Standard deviations of position, velocity and attitude.
-    pub fn standard_deviations(&self) -> StandardDeviations {
-        let block =
-            |first: usize| Vec3::from_fn(|i, _| self.covariance[(first + i, first + i)].max(0.0).sqrt());
-        StandardDeviations {
-            position_m: block(POSITION),
-            velocity_m_s: block(VELOCITY),
-            attitude_rad: block(ATTITUDE),
-        }
+    /// Standard deviation of position, NED axes (m).
+    pub fn position_std_m(&self) -> Vec3 {
+        Vec3::from_fn(|i, _| self.covariance[(POSITION + i, POSITION + i)].max(0.0).sqrt())
     }
 
     /// Covariance of position, velocity and attitude, for consistency tests.

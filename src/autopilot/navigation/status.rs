@@ -41,14 +41,3 @@ pub struct SensorBiases {
     /// Barometer offset (m).
     pub baro_m: f64,
 }
-
-/// Standard deviations of the estimated motion, NED axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StandardDeviations {
-    /// Position (m).
-    pub position_m: Vec3,
-    /// Velocity (m/s).
-    pub velocity_m_s: Vec3,
-    /// Attitude (rad).
-    pub attitude_rad: Vec3,
-}

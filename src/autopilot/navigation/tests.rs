@@ -1,7 +1,7 @@
 //! Derivatives of the filter against central differences, and what its covariance must keep.
 
 use super::covariance::HEADING_WALK_RAD_SQRT_S;
-use super::state::{ACCEL_BIAS, BARO_OFFSET, GNSS_DRIFT, GYRO_BIAS, HEADING_BIAS};
+use super::state::{ACCEL_BIAS, ATTITUDE, BARO_OFFSET, GNSS_DRIFT, GYRO_BIAS, HEADING_BIAS};
 use super::*;
 use crate::signal::ImuSample;
 

@@ -164,7 +164,7 @@ impl Tracker {
                 Some(Rung::Capped)
             }
             _ => {
-                *self.candidate = mpc::oracle::solve_within(&self.problem, &p.stand_in);
+                *self.candidate = mpc::oracle::solve_within(&self.problem, &p.fallback_solver);
                 if let Some([full, _]) = &self.horizons {
                     // The general solver gives no feedback.
                     self.candidate.feedback = full.1.feedback;

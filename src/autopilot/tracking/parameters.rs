@@ -35,7 +35,7 @@ pub struct TrackingParameters {
     /// Settings of the interior-point solver.
     pub solver: Settings,
     /// Settings of the general solver, the fallback.
-    pub stand_in: Settings,
+    pub fallback_solver: Settings,
 }
 
 /// Costs of a stage in the units of [`super::model`]. Tuned on hops in gusts with a misaligned engine:
