@@ -58,7 +58,7 @@ pub struct Estimate {
 }
 
 /// Height above rest at which the vehicle certainly flies free (m).
-const FREE_FLIGHT_HEIGHT_M: f64 = 0.3;
+pub(super) const FREE_FLIGHT_HEIGHT_M: f64 = 0.3;
 /// At rest: difference of specific force from gravity (m/s²) and body rate (rad/s).
 const REST_FORCE_M_S2: f64 = 1.0;
 const REST_RATE_RAD_S: f64 = 0.1;

@@ -110,6 +110,13 @@ pub struct Autopilot {
 
 /// Greatest distance to the landing point at a hand-over; farther, the vehicle lands where it is (m).
 const TARGET_DISTANCE_MAX_M: f64 = 15.0;
+/// The vehicle hovers within this of the hover height, slower than this climb or descent (m, m/s).
+const HOVER_BAND_M: f64 = 2.0;
+const HOVER_CLIMB_M_S: f64 = 1.0;
+/// Time at rest that confirms a landing (s).
+const REST_CONFIRMATION_S: f64 = 0.5;
+/// Another pilot's thrust demand may lift the vehicle after this time (s).
+const LIFTING_DEMAND_S: f64 = 0.2;
 
 impl Autopilot {
     /// On the pad, before alignment. Parameters are not checked here: see [`Parameters::validate`].
@@ -149,7 +156,9 @@ impl Autopilot {
     pub fn update(&mut self, m: &Measurement) -> ActuatorCommand {
         let ground = match self.sequence.phase() {
             phase if phase.is_before_lift_off() => GroundState::OnPad,
-            Phase::Shutdown | Phase::Done | Phase::AbortCut if self.rest_time_s > 0.5 => GroundState::Landed,
+            Phase::Shutdown | Phase::Done | Phase::AbortCut if self.rest_time_s > REST_CONFIRMATION_S => {
+                GroundState::Landed
+            }
             _ => GroundState::Unknown,
         };
         let Some(dt_s) = self.update_estimate(m, ground) else { return self.without_inertial_sample(m.time) };
@@ -188,8 +197,8 @@ impl Autopilot {
     pub fn observe(&mut self, m: &Measurement, applied: &ActuatorCommand) {
         self.command = *applied;
         let demanded = applied.armed && self.demand_n() > self.parameters.propellant.thrust_shut_n;
-        let ground = if self.airborne || self.demand_time_s > 0.2 {
-            if self.rest_time_s > 0.5 { GroundState::Landed } else { GroundState::Unknown }
+        let ground = if self.airborne || self.demand_time_s > LIFTING_DEMAND_S {
+            if self.rest_time_s > REST_CONFIRMATION_S { GroundState::Landed } else { GroundState::Unknown }
         } else {
             GroundState::OnPad
         };
@@ -202,9 +211,10 @@ impl Autopilot {
         if self.sequence.phase() == Phase::Align && self.navigation.is_aligned() {
             self.sequence.enter(Phase::Ready, 0.0);
         }
+        let is_lifting = self.demand_time_s > LIFTING_DEMAND_S;
         if self.airborne {
             self.count_hover_time(dt_s);
-        } else if self.height_m() > 0.3 && self.demand_time_s > 0.2 {
+        } else if self.height_m() > estimation::FREE_FLIGHT_HEIGHT_M && is_lifting {
             self.airborne = true;
         }
     }
@@ -212,7 +222,7 @@ impl Autopilot {
     /// Becomes the pilot. In the air it continues the mission from where the vehicle is, if the propellant
     /// allows, else it lands; on the ground it shuts the engine down and does not start again.
     pub fn take_over(&mut self) {
-        if !self.airborne || self.rest_time_s > 0.5 || !self.navigation.is_aligned() {
+        if !self.airborne || self.rest_time_s > REST_CONFIRMATION_S || !self.navigation.is_aligned() {
             let phase = if self.command.armed { Phase::Shutdown } else { Phase::Done };
             self.sequence.enter(phase, 0.0);
             return;
@@ -221,12 +231,12 @@ impl Autopilot {
         let rest = self.parameters.navigation.rest_ned_m;
         let pivot = self.navigation.pivot();
         let (height, climb) = (rest.z - pivot.position_ned_m.z, -pivot.velocity_ned_m_s.z);
-        let near_hover = (height - mission.hover_height_m).abs() < 2.0;
+        let near_hover = (height - mission.hover_height_m).abs() < HOVER_BAND_M;
         let (phase, elapsed_s) = if height < mission.terminal_height_m && climb < 0.5 {
             (Phase::Terminal, 0.0)
         } else if self.propellant_low() || self.hover_time_s >= mission.hover_time_s || climb < -1.5 {
             (Phase::Descent, 0.0)
-        } else if near_hover && climb.abs() < 1.0 {
+        } else if near_hover && climb.abs() < HOVER_CLIMB_M_S {
             (Phase::Hover, self.hover_time_s)
         } else {
             (Phase::Ascent, 0.0)
@@ -248,7 +258,9 @@ impl Autopilot {
     /// Counts the time that another pilot spends at the hover height.
     fn count_hover_time(&mut self, dt_s: f64) {
         let climb_m_s = self.motion().velocity_ned_m_s.z;
-        if (self.height_m() - self.parameters.mission.hover_height_m).abs() < 2.0 && climb_m_s.abs() < 1.0 {
+        if (self.height_m() - self.parameters.mission.hover_height_m).abs() < HOVER_BAND_M
+            && climb_m_s.abs() < HOVER_CLIMB_M_S
+        {
             self.hover_time_s += dt_s;
         }
     }
