@@ -92,7 +92,7 @@ fn main() {
         |mut filter| {
             for measurement in &measurements {
                 if filter.is_aligned() {
-                    filter.step(black_box(measurement), GroundState::No);
+                    filter.step(black_box(measurement), GroundState::Unknown);
                 } else {
                     filter.align(measurement, 3.0);
                 }

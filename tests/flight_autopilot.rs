@@ -56,7 +56,7 @@ fn fly(mission: Mission, conditions: Conditions) -> Flight {
                 greatest_gimbal_rad.max(command.gimbal_x_rad.abs()).max(command.gimbal_y_rad.abs());
         }
         if plant.touchdown.is_none()
-            && phase >= Phase::Descent
+            && !(phase.is_before_lift_off() || matches!(phase, Phase::Ascent | Phase::Hover))
             && plant.height_m() < mission.terminal_height_m
         {
             greatest_terminal_speed_m_s = greatest_terminal_speed_m_s.max(plant.com_velocity().z);
@@ -402,12 +402,14 @@ fn filter_is_consistent_with_its_covariance() {
             }
             let (estimate, filter) = (autopilot.estimate(), autopilot.navigation());
             let lever = autopilot_plant::IMU_BODY_M;
-            let (position, velocity) = filter.point(lever);
+            let imu = filter.point(lever);
             let turn = (plant.q * estimate.q_ned_from_body.inverse()).scaled_axis();
             let mut error = nalgebra::SVector::<f64, 9>::zeros();
             let true_velocity = plant.velocity_ned_m_s + plant.q * plant.rate.cross(&lever);
-            error.fixed_rows_mut::<3>(0).copy_from(&(plant.position_ned_m + plant.q * lever - position));
-            error.fixed_rows_mut::<3>(3).copy_from(&(true_velocity - velocity));
+            error
+                .fixed_rows_mut::<3>(0)
+                .copy_from(&(plant.position_ned_m + plant.q * lever - imu.position_ned_m));
+            error.fixed_rows_mut::<3>(3).copy_from(&(true_velocity - imu.velocity_ned_m_s));
             error.fixed_rows_mut::<3>(6).copy_from(&turn);
             let inverse = filter.motion_covariance().try_inverse().expect("positive definite");
             *sum += (error.transpose() * inverse * error)[0] / flights as f64;

@@ -104,8 +104,8 @@ fn five_seconds_without_satellites_cost_less_than_a_metre_and_a_half() {
         // The error that grows: plain fixes carry a drift of their own, which is there before.
         let mut before = None;
         fly(told(&conditions), conditions, 25.0, |plant, autopilot| {
-            let error =
-                plant.position_ned_m + plant.q * IMU_BODY_M - autopilot.navigation().point(IMU_BODY_M).0;
+            let error = plant.position_ned_m + plant.q * IMU_BODY_M
+                - autopilot.navigation().point(IMU_BODY_M).position_ned_m;
             let grown = error - *before.get_or_insert(error);
             if plant.time_s() < 20.0 {
                 before = Some(error);

@@ -195,7 +195,7 @@ fn without_its_own_solver_the_general_one_lands_it() {
 fn without_any_solver_the_cascade_lands_it() {
     for seed in [33, 34] {
         let flown = fly(hop_5m(), Conditions::dispersed(seed), Delivery::AtOnce, |p| {
-            (p.tracking.solver.iterations, p.tracking.stand_in.iterations) = (0, 0);
+            (p.tracking.solver.iterations, p.tracking.fallback_solver.iterations) = (0, 0);
         });
         let solves: u64 = flown.tracked.iter().sum();
         assert!(solves > 500 && flown.tracked(Rung::Cascade) == solves, "{:?}", flown.tracked);

@@ -8,10 +8,10 @@ mod lcvx;
 
 use hopbench::autopilot::lcvx::conic::{self, Program, Status};
 use hopbench::autopilot::lcvx::flight_time::{Search, least_s};
-use hopbench::autopilot::lcvx::gate::Rejection;
+use hopbench::autopilot::lcvx::verification::Rejection;
 use hopbench::autopilot::lcvx::{
-    Answer, Effort, Motion, Objective, Plan, PlanRequest, Problem, Refusal, Rung, Settings, plan, program,
-    solve,
+    Effort, FixedTimeSolution, Motion, Objective, Plan, PlanRequest, Problem, Refusal, Rung, Settings, plan,
+    program, solve,
 };
 use hopbench::autopilot::trajectory::Trajectory;
 use hopbench::frame::Vec3;
@@ -20,7 +20,7 @@ use lcvx::{Draw, G, ascent, descent, divert, random};
 
 const SEARCH: Search = Search { nodes: 20, tolerance_s: 0.1, iterations_max: 40 };
 
-fn proof(problem: &Problem, flight_time_s: f64) -> Answer {
+fn proof(problem: &Problem, flight_time_s: f64) -> FixedTimeSolution {
     solve(problem, Objective::Fuel, flight_time_s, Settings::PROOF.accuracy())
 }
 
@@ -49,9 +49,9 @@ fn five_hundred_random_problems_are_tight_and_flown_where_they_say() {
         match answer.solution.status {
             Status::Infeasible => infeasible += 1,
             Status::Solved => {
-                let passed = answer.verdict.unwrap_or_else(|why| panic!("{problem:?}: {why}"));
-                (gap, miss_m) = (gap.max(passed.gap), miss_m.max(passed.miss_m));
-                miss_m_s = miss_m_s.max(passed.miss_m_s);
+                let quality = answer.verdict.unwrap_or_else(|why| panic!("{problem:?}: {why}"));
+                (gap, miss_m) = (gap.max(quality.gap), miss_m.max(quality.miss_m));
+                miss_m_s = miss_m_s.max(quality.miss_m_s);
                 solved += 1;
             }
             // Rounding stopped it short of its accuracy: the ladder treats that as no answer.
@@ -62,7 +62,7 @@ fn five_hundred_random_problems_are_tight_and_flown_where_they_say() {
         "500 solved, {infeasible} infeasible, {uncertain} uncertain, iterations up to {iterations_max}: gap {gap:.1e}, \
          flown with exact mass {miss_m:.1e} m, {miss_m_s:.1e} m/s off"
     );
-    // Solver accuracy 1e-8 of numbers around one; the ends are the limits of the gate.
+    // Solver accuracy 1e-8 of numbers around one; the ends are the limits of the verification.
     assert!(uncertain <= 2, "{uncertain}");
     assert!(gap < 1e-5 && miss_m < 0.2 && miss_m_s < 0.1);
 }
@@ -83,14 +83,14 @@ fn a_floor_above_the_weight_is_refused_and_its_optimum_rejected() {
     for flight_time_s in [6.5, 6.75, 7.0, 7.25, 8.0] {
         let answer = proof(&problem, flight_time_s);
         match answer.verdict {
-            Err(Rejection::Loose { gap }) => {
+            Err(Rejection::NotTight { gap }) => {
                 println!("{flight_time_s} s: {:?} with gap {gap:.2e}", answer.solution.status);
                 assert!(answer.solution.status == Status::Solved && gap > 1e-3);
                 found += 1;
             }
             Err(Rejection::NotSolved(_)) => {}
             // Late enough, the floor is not in the way.
-            verdict => assert!(verdict.is_ok_and(|passed| passed.gap < 1e-5)),
+            verdict => assert!(verdict.is_ok_and(|quality| quality.gap < 1e-5)),
         }
     }
     assert!(found > 0, "no flight time has a solution");

@@ -6,9 +6,12 @@
 mod autopilot_plant;
 
 use hopbench::autopilot::Mission;
+use hopbench::autopilot::rigid_body::MotionEstimate;
 use hopbench::autopilot::tracking::model::Airframe;
-use hopbench::autopilot::tracking::observer::{MotionEstimate, Observer, Servo};
-use hopbench::autopilot::tracking::{Control, OLDEST_PLAN_S, Rung, Situation, Tracker, TrackingParameters};
+use hopbench::autopilot::tracking::observer::{Observer, Servo};
+use hopbench::autopilot::tracking::{
+    Control, OLDEST_PLAN_S, Rung, Tracker, TrackerInput, TrackingParameters,
+};
 use hopbench::autopilot::trajectory::Reference;
 use hopbench::frame::Vec3;
 use nalgebra::UnitQuaternion;
@@ -40,7 +43,7 @@ struct Loop {
     airframe: Airframe,
     unknown: Unknown,
     learning: Learning,
-    seen: MotionEstimate,
+    motion: MotionEstimate,
     thrust_n: f64,
     servos: [Servo; 2],
     observer: Observer,
@@ -64,7 +67,7 @@ impl Loop {
             airframe: full,
             unknown,
             learning: Learning::Disturbances,
-            seen: MotionEstimate {
+            motion: MotionEstimate {
                 position_ned_m,
                 velocity_ned_m_s: Vec3::zeros(),
                 q_ned_from_body: UnitQuaternion::identity(),
@@ -83,22 +86,29 @@ impl Loop {
 
     /// One inertial sample: observe, control, fly. The control in force is kept where there is none.
     fn step(&mut self, ahead: impl Fn(f64) -> Reference) -> Option<Control> {
-        let command = (self.control.gimbal_rad, self.control.roll_torque_n_m);
         if self.learning == Learning::Disturbances {
-            self.observer.step(&self.p.servo, &self.airframe, GRAVITY_M_S2, command, &self.seen, DT_S);
+            self.observer.step(
+                &self.p.servo,
+                &self.airframe,
+                GRAVITY_M_S2,
+                &self.control,
+                &self.motion,
+                DT_S,
+            );
         } else {
-            self.observer.follow_gimbal(&self.p.servo, command.0, DT_S);
+            self.observer.follow_gimbal(&self.p.servo, self.control.gimbal_rad, DT_S);
         }
-        let situation = Situation {
-            seen: &self.seen,
+        let input = TrackerInput {
+            motion: &self.motion,
             observer: &self.observer,
             airframe: &self.airframe,
             com_z_m: 0.0,
             gravity_m_s2: GRAVITY_M_S2,
-            thrust_n: THRUST_N,
+            thrust_min_n: THRUST_N[0],
+            thrust_max_n: THRUST_N[1],
             previous: self.control,
         };
-        let next = self.tracker.step(&self.p, &situation, ahead, DT_S);
+        let next = self.tracker.step(&self.p, &input, ahead, DT_S);
         self.watch_age();
         if let Some(next) = next {
             self.judge(&next);
@@ -131,31 +141,31 @@ impl Loop {
     }
 
     fn fly(&mut self, dt_s: f64) {
-        let (a, u, seen) = (&self.airframe, &self.unknown, &mut self.seen);
+        let (a, u, motion) = (&self.airframe, &self.unknown, &mut self.motion);
         for (servo, command) in self.servos.iter_mut().zip(self.control.gimbal_rad) {
             servo.step(&self.p.servo, command, dt_s);
         }
         let lag = dt_s / a.thrust_lag_s;
-        seen.thrust_n += (self.control.thrust_n - seen.thrust_n) * lag;
+        motion.thrust_n += (self.control.thrust_n - motion.thrust_n) * lag;
         self.thrust_n += (self.control.thrust_n * u.thrust_factor - self.thrust_n) * lag;
         let [sin_x, sin_y] = self.servos.map(|servo| libm::sin(servo.angle_rad));
         let [ix, iy, iz] = a.inertia_kg_m2;
-        let (t, l, w) = (self.thrust_n, a.lever_arm_m, seen.rate_body_rad_s);
+        let (t, l, w) = (self.thrust_n, a.lever_arm_m, motion.rate_body_rad_s);
         let moment = Vec3::new(
             t * (l * sin_x + u.offset_m[0]),
             t * (l * sin_y + u.offset_m[1]),
             self.control.roll_torque_n_m,
         ) - w.cross(&Vec3::new(ix * w.x, iy * w.y, iz * w.z));
-        seen.rate_body_rad_s += Vec3::new(moment.x / ix, moment.y / iy, moment.z / iz) * dt_s;
-        seen.q_ned_from_body *= UnitQuaternion::from_scaled_axis(seen.rate_body_rad_s * dt_s);
-        let push = seen.q_ned_from_body * Vec3::new(sin_y, -sin_x, -1.0) * (t / a.mass_kg);
+        motion.rate_body_rad_s += Vec3::new(moment.x / ix, moment.y / iy, moment.z / iz) * dt_s;
+        motion.q_ned_from_body *= UnitQuaternion::from_scaled_axis(motion.rate_body_rad_s * dt_s);
+        let push = motion.q_ned_from_body * Vec3::new(sin_y, -sin_x, -1.0) * (t / a.mass_kg);
         let change = push + Vec3::new(0.0, 0.0, GRAVITY_M_S2) + u.push_ned_m_s2;
-        seen.velocity_ned_m_s += change * dt_s;
-        seen.position_ned_m += seen.velocity_ned_m_s * dt_s;
+        motion.velocity_ned_m_s += change * dt_s;
+        motion.position_ned_m += motion.velocity_ned_m_s * dt_s;
     }
 
     fn fail(&mut self) {
-        (self.p.solver.iterations, self.p.stand_in.iterations) = (0, 0);
+        (self.p.solver.iterations, self.p.fallback_solver.iterations) = (0, 0);
     }
 }
 
@@ -177,7 +187,7 @@ fn constant_disturbances_leave_no_offset_and_without_observers_they_do() {
             flown.step(hover).expect("a control");
         }
         assert!(flown.tracker.counts()[0] > 290, "{:?}", flown.tracker.counts());
-        flown.seen.position_ned_m.norm()
+        flown.motion.position_ned_m.norm()
     };
     let (learnt_m, not_m) = (error_m(Learning::Disturbances), error_m(Learning::Nothing));
     assert!(not_m > 0.1, "{not_m}");
@@ -191,13 +201,13 @@ fn the_mirrored_world_has_the_mirrored_command() {
     let turned = |v: Vec3| Vec3::new(-v.x, v.y, -v.z);
     let [x, y] = CROOKED.offset_m;
     let mut one = Loop::at(Vec3::new(0.3, -0.5, 0.4), CROOKED);
-    one.seen.rate_body_rad_s = Vec3::new(0.05, -0.04, 0.1);
-    one.seen.q_ned_from_body = UnitQuaternion::from_scaled_axis(Vec3::new(0.06, 0.03, 0.05));
+    one.motion.rate_body_rad_s = Vec3::new(0.05, -0.04, 0.1);
+    one.motion.q_ned_from_body = UnitQuaternion::from_scaled_axis(Vec3::new(0.06, 0.03, 0.05));
     let mirrored = Unknown { offset_m: [-x, y], push_ned_m_s2: flip(CROOKED.push_ned_m_s2), ..CROOKED };
-    let mut other = Loop::at(flip(one.seen.position_ned_m), mirrored);
-    other.seen.rate_body_rad_s = turned(one.seen.rate_body_rad_s);
-    other.seen.q_ned_from_body =
-        UnitQuaternion::from_scaled_axis(turned(one.seen.q_ned_from_body.scaled_axis()));
+    let mut other = Loop::at(flip(one.motion.position_ned_m), mirrored);
+    other.motion.rate_body_rad_s = turned(one.motion.rate_body_rad_s);
+    other.motion.q_ned_from_body =
+        UnitQuaternion::from_scaled_axis(turned(one.motion.q_ned_from_body.scaled_axis()));
     // An arc to the east, its speed growing.
     let arc = |t: f64| Reference {
         position_ned_m: Vec3::new(0.0, 0.2 * t * t, -0.5 * t),
@@ -251,11 +261,11 @@ fn a_failure_of_a_tenth_of_a_second_is_flown_through() {
     for _ in 0..1500 {
         flown.step(hover).expect("a control");
         assert_eq!(flown.tracker.rung(), Rung::Solved);
-        greatest_m = greatest_m.max(flown.seen.position_ned_m.norm());
+        greatest_m = greatest_m.max(flown.motion.position_ned_m.norm());
     }
     let gained = core::array::from_fn::<u64, 6, _>(|i| flown.tracker.counts()[i] - before[i]);
     assert_eq!(gained, [300, 0, 0, 2, 3, 0]);
-    assert!(greatest_m < 0.6 && flown.seen.position_ned_m.norm() < 0.01, "{greatest_m}");
+    assert!(greatest_m < 0.6 && flown.motion.position_ned_m.norm() < 0.01, "{greatest_m}");
 }
 
 /// Constant feedback alone holds the hover for its half second, then it is the caller's.
@@ -268,7 +278,7 @@ fn a_failure_that_lasts_ends_with_the_cascade_and_comes_back() {
     }
     flown.fail();
     while flown.step(hover).is_some() {
-        assert!(flown.age_s < 1.0 && flown.seen.position_ned_m.norm() < 0.5, "{:?}", flown.seen);
+        assert!(flown.age_s < 1.0 && flown.motion.position_ned_m.norm() < 0.5, "{:?}", flown.motion);
     }
     // Half a second, and what is left of a period.
     assert!(flown.age_s > 0.5 - 1e-9 && flown.age_s < 0.5 + flown.p.period_s + 1e-9, "{}", flown.age_s);
@@ -291,10 +301,10 @@ fn a_failure_that_lasts_ends_with_the_cascade_and_comes_back() {
 fn what_is_no_number_gives_a_sound_control_or_none() {
     type Break = fn(&mut Loop);
     let cases: [Break; 6] = [
-        |l| l.seen.position_ned_m.x = f64::NAN,
-        |l| l.seen.velocity_ned_m_s.z = f64::INFINITY,
-        |l| l.seen.rate_body_rad_s.y = f64::NAN,
-        |l| l.seen.thrust_n = f64::NAN,
+        |l| l.motion.position_ned_m.x = f64::NAN,
+        |l| l.motion.velocity_ned_m_s.z = f64::INFINITY,
+        |l| l.motion.rate_body_rad_s.y = f64::NAN,
+        |l| l.motion.thrust_n = f64::NAN,
         |l| l.airframe.mass_kg = f64::NAN,
         |l| l.observer.force_ned_m_s2.x = f64::NEG_INFINITY,
     ];

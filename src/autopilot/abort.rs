@@ -1,94 +1,21 @@
-//! Aborts: what ends a mission early, how, and when it was decided.
+//! Aborts: the triggers that end a mission early, and the decision.
 //!
-//! Two ways out. [`AbortKind::Land`] gives up the mission: down where the vehicle is, under control.
-//! [`AbortKind::Cut`] gives up the vehicle: engine off, wherever it is. Every trigger has a name, a limit in the
-//! `[mission.abort]` table and a time for which its condition has to hold without a break. A decision is latched: no
-//! way leads from a landing back to the mission, and none from a cut to anything.
+//! There are two kinds. [`AbortKind::Land`] gives up the mission: a controlled landing where the vehicle is.
+//! [`AbortKind::Cut`] gives up the vehicle: engine off, wherever it is. Every trigger has a name, a limit in
+//! the `[mission.abort]` table and a time for which its condition has to hold without a break. A decision is
+//! latched: after an abort landing the mission is not resumed, and after a cut the engine is not restarted.
 //!
-//! The conditions are kinematic and few, so that they can be read off a recording; what they compare is the
-//! navigation's belief, since there is no other.
+//! The conditions are kinematic and few, so that a recording shows them. They compare the navigation's
+//! estimate, not the truth.
 
-use super::phase::{Mission, Phase};
+use super::mission::{AbortLimits, Mission};
+use super::phase::Phase;
 use crate::time::SimTime;
-use serde::{Deserialize, Serialize};
-
-/// The `[mission.abort]` table: limits of the flight. Heights are of the pivot above its rest height.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct AbortLimits {
-    /// `propellant`, a landing: propellant time kept beyond what the way down needs (s).
-    #[schemars(range(min = 0.0, max = 60.0))]
-    pub reserve_s: f64,
-    /// `tilt`, a landing: greatest tilt (rad); it must lie over `mission.tilt_limit_rad`.
-    #[schemars(range(min = 0.05, max = 1.5))]
-    pub tilt_rad: f64,
-    /// `tilt`: for so long (s).
-    #[schemars(range(min = 0.0, max = 5.0))]
-    pub tilt_s: f64,
-    /// `navigation`, a landing: satellite fixes refused in succession, while the altimeter is silent for a second. Three mean a receiver or a filter that is wrong.
-    #[schemars(range(min = 1, max = 100))]
-    pub gnss_refused: u32,
-    /// `navigation`, a landing: time without a satellite fix that was used, while the altimeter is silent (s). The filter coasts 5 s within 1.5 m.
-    #[schemars(range(min = 0.2, max = 60.0))]
-    pub gnss_silence_s: f64,
-    /// `wind`, a landing: greatest sideways acceleration by the air, averaged over a second (m/s²).
-    #[schemars(range(min = 0.05, max = 10.0))]
-    pub wind_m_s2: f64,
-    /// `off_reference`, a landing: greatest distance from the reference (m).
-    #[schemars(range(min = 0.5, max = 200.0))]
-    pub tube_m: f64,
-    /// `toppling`, a cut: greatest tilt (rad).
-    #[schemars(range(min = 0.1, max = 3.0))]
-    pub cut_tilt_rad: f64,
-    /// `flight_volume`, a cut: radius of the cylinder about the starting point that must not be left (m); absent: 30 m beyond the landing point.
-    #[schemars(range(min = 1.0, max = 5000.0))]
-    pub radius_m: Option<f64>,
-    /// `flight_volume`, a cut: height of its ceiling (m); absent: 20 m over the hover.
-    #[schemars(range(min = 1.0, max = 5000.0))]
-    pub ceiling_m: Option<f64>,
-    /// `cannot_stop`, a cut: speed at which the ground may be met after braking with full thrust all the way (m/s).
-    #[schemars(range(min = 0.5, max = 50.0))]
-    pub impact_speed_m_s: f64,
-    /// `cannot_stop`: height under which braking does more than falling, so that the engine stays on (m).
-    #[schemars(range(min = 0.0, max = 500.0))]
-    pub ballistic_height_m: f64,
-    /// `runaway`, a cut: share of the weight by which thrust may exceed what was commanded while the vehicle climbs.
-    #[schemars(range(min = 0.05, max = 5.0))]
-    pub runaway_share: f64,
-    /// `inertial`, a cut: time without an inertial sample (s). From 60 ms on the engine is straight and carries the weight.
-    #[schemars(range(min = 0.1, max = 5.0))]
-    pub inertial_silence_s: f64,
-    /// Height under which nothing cuts the engine (m).
-    #[schemars(range(min = 0.0, max = 50.0))]
-    pub cut_height_m: f64,
-}
-
-impl Default for AbortLimits {
-    fn default() -> Self {
-        Self {
-            reserve_s: 2.0,
-            tilt_rad: 0.262,
-            tilt_s: 0.3,
-            gnss_refused: 3,
-            gnss_silence_s: 6.0,
-            wind_m_s2: 0.85,
-            tube_m: 5.0,
-            cut_tilt_rad: 0.61,
-            radius_m: None,
-            ceiling_m: None,
-            impact_speed_m_s: 3.0,
-            ballistic_height_m: 5.0,
-            runaway_share: 0.35,
-            inertial_silence_s: 0.5,
-            cut_height_m: 0.5,
-        }
-    }
-}
 
 /// How a mission ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AbortKind {
-    /// Down where the vehicle is, under control.
+    /// Controlled landing where the vehicle is.
     Land,
     /// Engine off.
     Cut,
@@ -97,32 +24,32 @@ pub enum AbortKind {
 /// Why a mission ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AbortReason {
-    /// What is left no longer than carries the vehicle down.
+    /// The propellant lasts no longer than the way down and the reserve.
     Propellant,
-    /// Tilted beyond what control commands.
+    /// Tilt beyond what control commands.
     Tilt,
-    /// Neither satellites nor altimeter.
+    /// Neither satellite fixes nor altimeter.
     Navigation,
-    /// More sideways force by the air than is allowed.
+    /// Lateral acceleration by the wind above its limit.
     Wind,
-    /// Guidance has nothing left to offer.
+    /// Guidance has no plan left that keeps its limits.
     Guidance,
-    /// The vehicle is not where the reference is.
+    /// The vehicle is too far from its reference.
     OffReference,
-    /// Tilted beyond return.
+    /// Tilt beyond recovery.
     Toppling,
-    /// About to leave the volume cleared for the flight.
+    /// The vehicle leaves the volume cleared for the flight.
     FlightVolume,
     /// Full thrust would not stop the fall before the ground.
     CannotStop,
-    /// Thrust far above the command.
+    /// Thrust far above the command while climbing.
     Runaway,
-    /// Nothing tells how the vehicle moves.
+    /// No inertial samples.
     Inertial,
 }
 
 impl AbortReason {
-    /// All of them, cuts first: of two in one step the graver counts.
+    /// All of them, cuts first: of two triggers in one step the graver decides.
     pub const ALL: [Self; 11] = [
         Self::Toppling,
         Self::FlightVolume,
@@ -154,7 +81,7 @@ impl AbortReason {
         }
     }
 
-    /// What it leads to.
+    /// Kind of abort.
     pub const fn kind(self) -> AbortKind {
         match self {
             Self::Toppling | Self::FlightVolume | Self::CannotStop | Self::Runaway | Self::Inertial => {
@@ -170,7 +97,7 @@ impl AbortReason {
             Self::Tilt => limits.tilt_s,
             Self::Wind => 1.0,
             Self::OffReference | Self::Runaway => 0.5,
-            // The silence has lasted long enough by itself.
+            // The silence is its own confirmation.
             Self::Inertial => 0.0,
             Self::CannotStop | Self::FlightVolume => 0.2,
             Self::Toppling | Self::Propellant | Self::Navigation | Self::Guidance => 0.1,
@@ -178,18 +105,18 @@ impl AbortReason {
     }
 }
 
-/// A decision to end the mission.
+/// A decision to abort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abort {
-    /// How.
+    /// Kind of abort.
     pub kind: AbortKind,
-    /// Why.
+    /// Trigger.
     pub reason: AbortReason,
-    /// When, on the flight computer's clock.
+    /// Time of the decision, on the flight computer's clock.
     pub time: SimTime,
 }
 
-/// What the decision is made on, all of it estimated.
+/// Inputs of the abort watch, all of them estimates.
 #[derive(Clone, Copy, Debug)]
 pub struct AbortInputs {
     /// Propellant lasts no longer than the way down and the reserve.
@@ -202,8 +129,8 @@ pub struct AbortInputs {
     pub gnss_silence_s: f64,
     /// Time since the last range that was used (s).
     pub altimeter_silence_s: f64,
-    /// Sideways acceleration by the air (m/s²).
-    pub air_m_s2: f64,
+    /// Lateral acceleration by the wind (m/s²).
+    pub wind_m_s2: f64,
     /// Guidance has no trajectory and no fallback left.
     pub guidance_exhausted: bool,
     /// Distance from the reference (m).
@@ -216,27 +143,29 @@ pub struct AbortInputs {
     pub descent_speed_m_s: f64,
     /// Upward acceleration under full thrust, upright (m/s²).
     pub full_thrust_m_s2: f64,
-    /// Axial force beyond the thrust that the command explains, as a share of the weight.
+    /// Axial force less estimated thrust, over the weight.
     pub unexplained_force: f64,
 }
 
-/// Silence of the altimeter that counts as having none (s).
+/// The altimeter counts as lost after this silence (s).
 const ALTIMETER_SILENCE_S: f64 = 1.0;
-/// Thrust above the command is a runaway only in a vehicle that rises: legs carry too (m/s).
+/// Least climb rate of a runaway (m/s): on the ground the legs carry a part of the weight.
 const RUNAWAY_CLIMB_M_S: f64 = 1.0;
-/// Who sinks slower than this does not fall (m/s).
+/// Least descent speed of a fall (m/s).
 const FALL_M_S: f64 = 1.0;
-/// Flight volume where none is given: beyond the landing point and over the hover (m).
+/// Default flight volume: margin beyond the landing point and above the hover (m).
 const VOLUME_BEYOND_TARGET_M: f64 = 30.0;
 const VOLUME_OVER_HOVER_M: f64 = 20.0;
 
-/// Watches over one flight.
+/// State of the abort watch over one flight.
 #[derive(Clone, Debug)]
 pub struct AbortWatch {
     radius_m: f64,
     ceiling_m: f64,
-    inside: bool,
-    held_s: [f64; AbortReason::ALL.len()],
+    /// The vehicle has been inside the flight volume.
+    was_inside: bool,
+    /// Time for which each condition has held, in the order of [`AbortReason::ALL`] (s).
+    condition_time_s: [f64; AbortReason::ALL.len()],
     abort: Option<Abort>,
 }
 
@@ -248,8 +177,8 @@ impl AbortWatch {
         Self {
             radius_m: limits.radius_m.unwrap_or(libm::hypot(north, east) + VOLUME_BEYOND_TARGET_M),
             ceiling_m: limits.ceiling_m.unwrap_or(mission.hover_height_m + VOLUME_OVER_HOVER_M),
-            inside: false,
-            held_s: [0.0; AbortReason::ALL.len()],
+            was_inside: false,
+            condition_time_s: [0.0; AbortReason::ALL.len()],
             abort: None,
         }
     }
@@ -259,55 +188,56 @@ impl AbortWatch {
         self.abort
     }
 
-    /// A decision that fell outside the abort_inputs of a step.
+    /// Sets a decision that was made outside [`Self::step`].
     pub fn declare(&mut self, reason: AbortReason, time: SimTime) {
         self.abort = Some(Abort { kind: reason.kind(), reason, time });
     }
 
-    /// One step in a phase; gives a decision when it falls.
+    /// One step in a phase; returns a decision in the step in which it is made.
     pub fn step(
         &mut self,
         limits: &AbortLimits,
         phase: Phase,
-        abort_inputs: &AbortInputs,
+        inputs: &AbortInputs,
         time: SimTime,
         dt_s: f64,
     ) -> Option<Abort> {
         if !phase.is_flight() {
             return None;
         }
-        let outside = abort_inputs.from_start_m > self.radius_m || abort_inputs.height_m > self.ceiling_m;
+        let outside = inputs.from_start_m > self.radius_m || inputs.height_m > self.ceiling_m;
         let mut decided = None;
-        for (reason, held_s) in AbortReason::ALL.into_iter().zip(&mut self.held_s) {
+        for (reason, condition_time_s) in AbortReason::ALL.into_iter().zip(&mut self.condition_time_s) {
             let condition = match reason {
-                // Leaving counts: who takes over outside is not shot down for what another pilot did.
-                AbortReason::FlightVolume => self.inside && outside,
-                _ => holds(reason, limits, abort_inputs),
+                // Leaving counts: after a hand-over outside the volume the vehicle is not cut for what
+                // another pilot did.
+                AbortReason::FlightVolume => self.was_inside && outside,
+                _ => condition_holds(reason, limits, inputs),
             };
-            let asked = condition && may_abort(reason, limits, phase, abort_inputs, self.abort);
-            *held_s = if asked { *held_s + dt_s } else { 0.0 };
-            if asked && *held_s >= reason.confirmation_s(limits) && decided.is_none() {
+            let triggered = condition && may_abort(reason, limits, phase, inputs, self.abort);
+            *condition_time_s = if triggered { *condition_time_s + dt_s } else { 0.0 };
+            if triggered && *condition_time_s >= reason.confirmation_s(limits) && decided.is_none() {
                 decided = Some(Abort { kind: reason.kind(), reason, time });
             }
         }
-        self.inside |= !outside;
+        self.was_inside |= !outside;
         self.abort = decided.or(self.abort);
         decided
     }
 }
 
-/// Whether a trigger has anything to change in this phase.
+/// Whether a trigger may decide in this phase, after the decision made before.
 fn may_abort(
     reason: AbortReason,
     limits: &AbortLimits,
     phase: Phase,
-    abort_inputs: &AbortInputs,
-    so_far: Option<Abort>,
+    inputs: &AbortInputs,
+    decided: Option<Abort>,
 ) -> bool {
-    match (reason.kind(), so_far) {
+    match (reason.kind(), decided) {
         (AbortKind::Cut, Some(Abort { kind: AbortKind::Cut, .. })) | (AbortKind::Land, Some(_)) => false,
-        (AbortKind::Cut, _) => abort_inputs.height_m >= limits.cut_height_m,
-        // On its way down it has what it needs for that or never will.
+        (AbortKind::Cut, _) => inputs.height_m >= limits.cut_height_m,
+        // A descent is already the shortest way to the ground.
         (AbortKind::Land, None) if reason == AbortReason::Propellant => {
             matches!(phase, Phase::Ascent | Phase::Hover)
         }
@@ -316,7 +246,7 @@ fn may_abort(
 }
 
 /// Whether the condition of a trigger holds now.
-fn holds(reason: AbortReason, limits: &AbortLimits, s: &AbortInputs) -> bool {
+fn condition_holds(reason: AbortReason, limits: &AbortLimits, s: &AbortInputs) -> bool {
     match reason {
         AbortReason::Propellant => s.propellant_low,
         AbortReason::Tilt => s.tilt_rad > limits.tilt_rad,
@@ -325,11 +255,11 @@ fn holds(reason: AbortReason, limits: &AbortLimits, s: &AbortInputs) -> bool {
                 s.gnss_refused >= limits.gnss_refused || s.gnss_silence_s > limits.gnss_silence_s;
             no_satellites && s.altimeter_silence_s > ALTIMETER_SILENCE_S
         }
-        AbortReason::Wind => s.air_m_s2 > limits.wind_m_s2,
+        AbortReason::Wind => s.wind_m_s2 > limits.wind_m_s2,
         AbortReason::Guidance => s.guidance_exhausted,
         AbortReason::OffReference => s.off_reference_m > limits.tube_m,
         AbortReason::Toppling => s.tilt_rad > limits.cut_tilt_rad,
-        // Watched over outside the abort_inputs.
+        // Decided by the watch and by the autopilot.
         AbortReason::FlightVolume | AbortReason::Inertial => false,
         AbortReason::CannotStop => {
             // v² - 2 a h is the square of the speed left at the ground.
@@ -356,7 +286,7 @@ mod tests {
             gnss_refused: 0,
             gnss_silence_s: 0.1,
             altimeter_silence_s: 10.0,
-            air_m_s2: 0.2,
+            wind_m_s2: 0.2,
             guidance_exhausted: false,
             off_reference_m: 0.5,
             from_start_m: 1.0,
@@ -367,14 +297,14 @@ mod tests {
         }
     }
 
-    /// Reason and time of what `abort_inputs` lead to within five seconds of a phase.
-    fn decision(phase: Phase, abort_inputs: &AbortInputs) -> Option<(AbortReason, f64)> {
+    /// Reason and time of what `inputs` lead to within five seconds of a phase.
+    fn decision(phase: Phase, inputs: &AbortInputs) -> Option<(AbortReason, f64)> {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
         watch.step(&mission.abort, phase, &calm(), SimTime::ZERO, 0.004);
         (1..=1250).find_map(|i| {
             let time = SimTime::from_us(4000 * i);
-            watch.step(&mission.abort, phase, abort_inputs, time, 0.004).map(|a| (a.reason, a.time.s()))
+            watch.step(&mission.abort, phase, inputs, time, 0.004).map(|a| (a.reason, a.time.s()))
         })
     }
 
@@ -388,7 +318,7 @@ mod tests {
             (AbortInputs { tilt_rad: 0.62, ..calm() }, AbortReason::Toppling, 0.1),
             (silent, AbortReason::Navigation, 0.1),
             (AbortInputs { gnss_refused: 3, ..calm() }, AbortReason::Navigation, 0.1),
-            (AbortInputs { air_m_s2: 0.86, ..calm() }, AbortReason::Wind, 1.0),
+            (AbortInputs { wind_m_s2: 0.86, ..calm() }, AbortReason::Wind, 1.0),
             (AbortInputs { guidance_exhausted: true, ..calm() }, AbortReason::Guidance, 0.1),
             (AbortInputs { off_reference_m: 5.1, ..calm() }, AbortReason::OffReference, 0.5),
             (AbortInputs { propellant_low: true, ..calm() }, AbortReason::Propellant, 0.1),
@@ -402,8 +332,8 @@ mod tests {
                 0.5,
             ),
         ];
-        for (abort_inputs, reason, after_s) in cases {
-            let (found, at_s) = decision(Phase::Hover, &abort_inputs).unwrap_or_else(|| panic!("{reason:?}"));
+        for (inputs, reason, after_s) in cases {
+            let (found, at_s) = decision(Phase::Hover, &inputs).unwrap_or_else(|| panic!("{reason:?}"));
             assert_eq!(found, reason);
             assert!(at_s >= after_s - 1e-9 && at_s < after_s + 0.005, "{reason:?} after {at_s} s");
         }
@@ -419,10 +349,10 @@ mod tests {
             AbortInputs { descent_speed_m_s: 15.4, ..calm() },
             AbortInputs { descent_speed_m_s: 12.0, height_m: 4.0, ..calm() },
             AbortInputs { unexplained_force: 1.0, descent_speed_m_s: 0.0, ..calm() },
-            AbortInputs { tilt_rad: f64::NAN, air_m_s2: f64::NAN, from_start_m: f64::NAN, ..calm() },
+            AbortInputs { tilt_rad: f64::NAN, wind_m_s2: f64::NAN, from_start_m: f64::NAN, ..calm() },
         ];
-        for abort_inputs in still_fine {
-            assert_eq!(decision(Phase::Hover, &abort_inputs), None, "{abort_inputs:?}");
+        for inputs in still_fine {
+            assert_eq!(decision(Phase::Hover, &inputs), None, "{inputs:?}");
         }
         // On the pad and after contact nothing is judged, low down nothing cuts.
         let bad = AbortInputs { tilt_rad: 1.0, propellant_low: true, ..calm() };
@@ -437,10 +367,10 @@ mod tests {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
         for i in 0..10_000u64 {
-            let abort_inputs = AbortInputs { tilt_rad: if i % 70 == 0 { 0.1 } else { 0.3 }, ..calm() };
+            let inputs = AbortInputs { tilt_rad: if i % 70 == 0 { 0.1 } else { 0.3 }, ..calm() };
             let time = SimTime::from_us(4000 * i);
             // 69 steps of 4 ms are 276 ms of the 300 ms that it takes.
-            assert_eq!(watch.step(&mission.abort, Phase::Hover, &abort_inputs, time, 0.004), None);
+            assert_eq!(watch.step(&mission.abort, Phase::Hover, &inputs, time, 0.004), None);
         }
     }
 
@@ -448,14 +378,14 @@ mod tests {
     fn a_decision_stands_and_only_a_cut_comes_over_a_landing() {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
-        let mut run = |phase, abort_inputs: AbortInputs| {
+        let mut run = |phase, inputs: AbortInputs| {
             (0..500).find_map(|i| {
                 watch
-                    .step(&mission.abort, phase, &abort_inputs, SimTime::from_us(4000 * i), 0.004)
+                    .step(&mission.abort, phase, &inputs, SimTime::from_us(4000 * i), 0.004)
                     .map(|a| a.reason)
             })
         };
-        assert_eq!(run(Phase::Hover, AbortInputs { air_m_s2: 1.0, ..calm() }), Some(AbortReason::Wind));
+        assert_eq!(run(Phase::Hover, AbortInputs { wind_m_s2: 1.0, ..calm() }), Some(AbortReason::Wind));
         assert_eq!(run(Phase::AbortLand, AbortInputs { guidance_exhausted: true, ..calm() }), None);
         assert_eq!(
             run(Phase::AbortLand, AbortInputs { tilt_rad: 0.7, ..calm() }),
@@ -470,9 +400,9 @@ mod tests {
         let mission = Mission::default();
         let mut watch = AbortWatch::new(&mission);
         for i in 0..1000 {
-            let abort_inputs = AbortInputs { from_start_m: 80.0, ..calm() };
+            let inputs = AbortInputs { from_start_m: 80.0, ..calm() };
             let time = SimTime::from_us(4000 * i);
-            assert_eq!(watch.step(&mission.abort, Phase::Hover, &abort_inputs, time, 0.004), None);
+            assert_eq!(watch.step(&mission.abort, Phase::Hover, &inputs, time, 0.004), None);
         }
     }
 }

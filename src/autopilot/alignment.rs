@@ -1,15 +1,16 @@
-//! Alignment at rest: what the sensors say on average while nothing moves.
+//! Alignment at rest: averages of all sensors while the vehicle stands still.
 //!
-//! The accelerometer gives the level (and mistakes its own bias for tilt, which the filter is told), the
-//! gyroscope its bias, the magnetometer the heading, satellite navigation the local origin, barometer and
-//! altimeter their offsets at a known height. Any motion starts the averages again.
+//! The accelerometer gives the level (its bias passes for tilt, which the filter accounts for), the gyroscope
+//! its own bias, the magnetometer the heading, satellite navigation the local origin, barometer and altimeter
+//! their offsets at a known height. Any motion restarts the averages.
 
+use crate::environment::geodesy::Geodetic;
 use crate::frame::Vec3;
 use crate::signal::Measurement;
 
 /// Rate above which the vehicle is not at rest (rad/s).
 const STILL_RATE_RAD_S: f64 = 0.05;
-/// Difference of specific force from gravity above which it is not at rest (m/s²).
+/// Difference of specific force from gravity above which the vehicle is not at rest (m/s²).
 const STILL_FORCE_M_S2: f64 = 0.8;
 
 /// Running averages.
@@ -21,23 +22,24 @@ pub struct Alignment {
     rate: Mean,
     field: Mean,
     fix: Mean,
+    /// Latitude (rad), longitude (rad), altitude (m) of the first fix; `fix` is the mean relative to it.
     first_fix: Option<Vec3>,
     baro: Mean,
     range: Mean,
 }
 
-/// Results; absent where a sensor was silent.
+/// Averages of an alignment; absent where a sensor was silent.
 #[derive(Clone, Debug)]
-pub struct Aligned {
+pub struct AlignmentResult {
     /// Mean specific force (m/s²).
     pub specific_force_body_m_s2: Vec3,
     /// Mean rate (rad/s).
     pub rate_body_rad_s: Vec3,
     /// Mean magnetic field (T).
     pub field_body_t: Option<Vec3>,
-    /// Mean latitude (rad), longitude (rad), altitude (m).
-    pub fix: Option<Vec3>,
-    /// Fixes averaged.
+    /// Mean satellite position.
+    pub fix: Option<Geodetic>,
+    /// Number of fixes in the mean.
     pub fixes: f64,
     /// Mean pressure altitude (m).
     pub pressure_altitude_m: Option<f64>,
@@ -46,7 +48,7 @@ pub struct Aligned {
 }
 
 impl Alignment {
-    /// Takes in one measurement.
+    /// Adds one measurement.
     pub fn add(&mut self, m: &Measurement, gravity_m_s2: f64) {
         if let Some(imu) = &m.imu {
             let moving = imu.rate_body_rad_s.norm() > STILL_RATE_RAD_S
@@ -77,12 +79,15 @@ impl Alignment {
     }
 
     /// The averages so far; `None` before the first inertial sample.
-    pub fn result(&self) -> Option<Aligned> {
-        Some(Aligned {
+    pub fn result(&self) -> Option<AlignmentResult> {
+        Some(AlignmentResult {
             specific_force_body_m_s2: self.specific_force.value()?,
             rate_body_rad_s: self.rate.value()?,
             field_body_t: self.field.value(),
-            fix: self.fix.value().zip(self.first_fix).map(|(mean, first)| first + mean),
+            fix: self.fix.value().zip(self.first_fix).map(|(mean, first)| {
+                let fix = first + mean;
+                Geodetic { latitude_rad: fix.x, longitude_rad: fix.y, altitude_m: fix.z }
+            }),
             fixes: self.fix.count,
             pressure_altitude_m: self.baro.value().map(|v| v.x),
             range_m: self.range.value().map(|v| v.x),

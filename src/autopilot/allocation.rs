@@ -1,24 +1,24 @@
-//! Allocation: thrust and torque into valve, gimbal and thruster commands, by plain tables and geometry.
+//! Allocation: valve, gimbal and thruster commands for a thrust and a torque, from tables and geometry.
 
-use super::roll::{Roll, RollThrusters};
+use super::roll::{RollModulator, RollThrusters};
 use crate::frame::Vec3;
 use crate::signal::Throttle;
 
-/// The engine's inverse as a flight computer carries it: tables over thrust and port radius.
+/// The engine's inverse: tables over thrust and port radius.
 ///
-/// Rows are port radii, columns thrusts, both rising. Filled from the propulsion model or from tests;
-/// values between nodes are bilinear, outside the nearest edge holds.
+/// Rows are port radii, columns thrusts, both rising. Bilinear between nodes; outside, the value at the
+/// nearest edge.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThrustMap {
     /// Thrust of the columns (N).
     pub thrust_n: Vec<f64>,
     /// Port radius of the rows (m).
     pub port_radius_m: Vec<f64>,
-    /// Valve angle that gives the thrust (rad).
+    /// Valve angle (rad).
     pub valve_rad: Vec<Vec<f64>>,
-    /// Oxidiser flow at that point (kg/s).
+    /// Oxidiser flow (kg/s).
     pub oxidizer_kg_s: Vec<Vec<f64>>,
-    /// Fuel flow at that point (kg/s).
+    /// Fuel flow (kg/s).
     pub fuel_kg_s: Vec<Vec<f64>>,
 }
 
@@ -36,8 +36,8 @@ impl ThrustMap {
         )
     }
 
-    /// Thrust that a valve angle gives (N): the inverse of [`Self::valve_angle_rad`], by bisection.
-    /// Outside the table the nearest edge holds, but a shut valve gives nothing.
+    /// Thrust at a valve angle (N): the inverse of [`Self::valve_angle_rad`], by bisection. Outside the table
+    /// the value at the nearest edge; zero for a shut valve.
     pub fn thrust_at_valve_n(&self, valve_rad: f64, port_radius_m: f64) -> f64 {
         let (Some(&least), Some(&most)) = (self.thrust_n.first(), self.thrust_n.last()) else { return 0.0 };
         if valve_rad < 0.3 * self.valve_angle_rad(least, port_radius_m) {
@@ -51,7 +51,7 @@ impl ThrustMap {
         0.5 * (low + high)
     }
 
-    /// The table has the shape it claims and rises where it must.
+    /// The tables have the shape of their grid, and the valve angle rises with thrust.
     pub fn is_consistent(&self) -> bool {
         let rising = |v: &[f64]| !v.is_empty() && v.windows(2).all(|w| w[1] > w[0]);
         let shaped = |t: &[Vec<f64>]| {
@@ -78,7 +78,7 @@ impl ThrustMap {
     }
 }
 
-/// Interval of a rising grid that holds `x`, and the share of it; clamped to the ends.
+/// Interval of a rising grid that contains `x`, and the position in it, 0..1; clamped to the ends.
 fn bracket(grid: &[f64], x: f64) -> (usize, f64) {
     if grid.len() < 2 || x.is_nan() || x <= grid[0] {
         return (0, 0.0);
@@ -88,7 +88,7 @@ fn bracket(grid: &[f64], x: f64) -> (usize, f64) {
     (upper - 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
 }
 
-/// Which language the throttle demand is emitted in.
+/// Unit of the throttle command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ThrottleOutput {
     /// [`Throttle::ThrustN`]: the plant's engine controller finds the valve angle.
@@ -98,7 +98,7 @@ pub enum ThrottleOutput {
     Valve,
 }
 
-/// Limits of what can be commanded.
+/// Actuators as the flight computer knows them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActuatorParameters {
     /// Lower end of the throttle band (N).
@@ -111,46 +111,46 @@ pub struct ActuatorParameters {
     pub gimbal_rate_limit_rad_s: f64,
     /// Roll thrusters.
     pub roll: RollThrusters,
-    /// Language of the throttle.
+    /// Unit of the throttle command.
     pub throttle_output: ThrottleOutput,
 }
 
-/// Share of the gimbal limit and rate limit that control may use; the rest is for what it does not know.
+/// Shares of the gimbal's limit and rate limit that control may use; the rest is a margin for servo errors.
 pub const GIMBAL_AUTHORITY: f64 = 0.95;
 const GIMBAL_RATE_AUTHORITY: f64 = 0.7;
 
-/// What the gimbal can give, and what it was told last.
+/// State of the allocation: the gimbal command in force and the roll modulator.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Allocation {
     gimbal_x_rad: f64,
     gimbal_y_rad: f64,
-    roll: Roll,
+    roll: RollModulator,
 }
 
-/// Outcome of one allocation.
+/// Commands of one allocation.
 #[derive(Clone, Copy, Debug)]
-pub struct Allocated {
+pub struct AllocatedCommand {
     /// Gimbal command about FRD x (rad).
     pub gimbal_x_rad: f64,
     /// Gimbal command about FRD y (rad).
     pub gimbal_y_rad: f64,
     /// Roll command, -1..1.
     pub rcs_roll: f64,
-    /// Torque about the COM that these angles give, axes x and y (N m): what a controller that predicts starts from.
+    /// Torque about the COM at these angles, axes x and y (N m).
     pub torque_xy_n_m: [f64; 2],
-    /// The gimbal could not give the torque asked for, per axis x, y: integrators hold.
+    /// The gimbal could not give the torque demanded, per axis x, y: integrators hold.
     pub saturated: [bool; 2],
 }
 
 impl Allocation {
-    /// Continues from the gimbal angles somebody else commanded.
+    /// Continues from gimbal angles that another controller commanded.
     pub const fn resume(self, gimbal_x_rad: f64, gimbal_y_rad: f64) -> Self {
         Self { gimbal_x_rad, gimbal_y_rad, ..self }
     }
 
-    /// Torque about the COM (N m) into gimbal angles and roll command: `M = T l sin δ` with thrust T
-    /// along a line through the pivot, a lever arm l below the COM `com_body_m`, less what the thrust line of the
-    /// straight engine already turns.
+    /// Gimbal angles and roll command for a torque about the COM (N m): `M = T l sin δ` with thrust T along a
+    /// line through the pivot, a lever arm l below the COM `com_body_m`, less the torque of the thrust line
+    /// with the gimbal at zero.
     pub fn step(
         &mut self,
         parameters: &ActuatorParameters,
@@ -158,7 +158,7 @@ impl Allocation {
         thrust_n: f64,
         com_body_m: Vec3,
         dt_s: f64,
-    ) -> Allocated {
+    ) -> AllocatedCommand {
         let lever_arm_m = -com_body_m.z;
         let offset_n_m = thrust_line_torque_n_m(thrust_n, com_body_m);
         let moment_n_m = (thrust_n * lever_arm_m).max(0.25 * parameters.thrust_min_n * lever_arm_m.max(0.05));
@@ -173,19 +173,19 @@ impl Allocation {
         let (y, saturated_y) = axis(torque_body_n_m.y - offset_n_m.y, self.gimbal_y_rad);
         (self.gimbal_x_rad, self.gimbal_y_rad) = (x, y);
 
-        let turned = |angle: f64| thrust_n * lever_arm_m * libm::sin(angle);
-        Allocated {
+        let gimbal_n_m = |angle: f64| thrust_n * lever_arm_m * libm::sin(angle);
+        AllocatedCommand {
             gimbal_x_rad: x,
             gimbal_y_rad: y,
             rcs_roll: self.roll.step(&parameters.roll, torque_body_n_m.z, dt_s),
-            torque_xy_n_m: [turned(x) + offset_n_m.x, turned(y) + offset_n_m.y],
+            torque_xy_n_m: [gimbal_n_m(x) + offset_n_m.x, gimbal_n_m(y) + offset_n_m.y],
             saturated: [saturated_x, saturated_y],
         }
     }
 
-    /// Counts what the roll thrusters use under a command in force for `dt_s`, whoever gave it.
-    pub fn count(&mut self, parameters: &ActuatorParameters, rcs_roll: f64, dt_s: f64) {
-        self.roll.count(&parameters.roll, rcs_roll, dt_s);
+    /// Counts the nitrogen of the roll thrusters under a command in force for `dt_s`, whoever gave it.
+    pub fn count_nitrogen(&mut self, parameters: &ActuatorParameters, rcs_roll: f64, dt_s: f64) {
+        self.roll.count_nitrogen(&parameters.roll, rcs_roll, dt_s);
     }
 
     /// Nitrogen that the roll thrusters have used (kg).
@@ -194,13 +194,13 @@ impl Allocation {
     }
 }
 
-/// Torque about the COM of a straight engine whose line misses it (N m): r × F with r from the COM to the pivot.
+/// Torque about the COM of thrust with the gimbal at zero (N m): r × F with r from the COM to the pivot.
 pub fn thrust_line_torque_n_m(thrust_n: f64, com_body_m: Vec3) -> Vec3 {
     Vec3::new(com_body_m.y, -com_body_m.x, 0.0) * thrust_n
 }
 
 impl ActuatorParameters {
-    /// Throttle command for a thrust (N), in the language chosen.
+    /// Throttle command for a thrust (N), in the unit chosen.
     pub fn throttle(&self, map: &ThrustMap, thrust_n: f64, port_radius_m: f64) -> Throttle {
         match self.throttle_output {
             ThrottleOutput::Thrust => Throttle::ThrustN(thrust_n),
@@ -214,8 +214,8 @@ impl ActuatorParameters {
 
 #[cfg(test)]
 mod tests {
-    use super::super::roll::RollDrive;
     use super::*;
+    use crate::autopilot::roll::RollDrive;
 
     fn map() -> ThrustMap {
         ThrustMap {

@@ -1,16 +1,17 @@
-//! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate →
-//! torque. The last rung under predictive tracking, its flight until free of the legs, and `mission.control = "cascaded"`.
+//! Cascaded tracking control: position → velocity → acceleration → thrust and tilt; attitude → rate → torque.
+//! It flies until the vehicle is free of its legs, as the last rung under predictive tracking, and with
+//! `mission.control = "cascaded"`.
 //!
-//! The swinging engine puts a pair of zeros of torque over gimbal angle at √(T (l + s_e/m)/(I_e + s_e l)), with I_e and s_e the
-//! engine's inertia and first moment about the pivot, near 13 rad/s for this class of vehicle, and the liquid sloshes near 14 rad/s with 3 % damping. The rate
-//! loop therefore crosses over near a third of that: above the zeros the gimbal's inertial reaction has
-//! the sign of a rate feedback, so that the loop stays stable, but nothing is gained by going there.
-//! The centre of mass is what is controlled: at the pivot the side force would act the wrong way first.
+//! The swinging engine causes a pair of zeros of torque over gimbal angle at √(T (l + s_e/m)/(I_e + s_e l)),
+//! with I_e and s_e the engine's inertia and first moment about the pivot: near 13 rad/s for this class of
+//! vehicle. The liquid sloshes near 14 rad/s with 3 % damping. The rate loop therefore crosses over near a
+//! third of that. Above the zeros the gimbal's inertial reaction has the sign of a rate feedback, so that the
+//! loop stays stable, but a higher bandwidth gains nothing. The controlled point is the centre of mass: at
+//! the pivot the side force would first act in the wrong direction.
 
-use super::propellant::MassPoint;
+use super::rigid_body::{MassProperties, MotionEstimate};
 use super::trajectory::Reference;
 use crate::frame::{Vec3, heading_rad};
-use nalgebra::UnitQuaternion;
 
 /// Gains, as rates of the loops (1/s) so that they do not depend on mass or inertia.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +39,8 @@ pub struct Gains {
 }
 
 impl Default for Gains {
-    /// For a valve of 5 Hz, gimbal of 8 Hz, zeros at 12 rad/s: each loop at half the next inner one or less.
+    /// For a valve of 5 Hz, a gimbal of 8 Hz, zeros at 12 rad/s: each loop has half the bandwidth of the next
+    /// inner one or less.
     fn default() -> Self {
         Self {
             height_1_s: 1.0,
@@ -68,20 +70,24 @@ pub struct Limits {
     pub gravity_m_s2: f64,
 }
 
-/// What the controller looks at: motion of the centre of mass, attitude, rate.
+/// Inputs of one step of the controller.
 #[derive(Clone, Copy, Debug)]
-pub struct Motion {
-    /// Position of the centre of mass (m).
-    pub position_ned_m: Vec3,
-    /// Its velocity (m/s).
-    pub velocity_ned_m_s: Vec3,
-    /// Attitude.
-    pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate, bias removed (rad/s).
-    pub rate_body_rad_s: Vec3,
+pub struct ControlInput<'a> {
+    /// Limits of the demand.
+    pub limits: Limits,
+    /// Reference of the pivot.
+    pub reference: Reference,
+    /// Motion of the centre of mass, attitude, rate.
+    pub motion: &'a MotionEstimate,
+    /// Mass properties.
+    pub mass: &'a MassProperties,
+    /// Off the ground. On it the integrators hold: the force of the legs is no error.
+    pub airborne: bool,
+    /// Gimbal axes x, y at their limit: their integrators hold.
+    pub gimbal_saturated: [bool; 2],
 }
 
-/// What the controller asks for.
+/// Demand of the controller on the actuators.
 #[derive(Clone, Copy, Debug)]
 pub struct Demand {
     /// Thrust (N).
@@ -90,16 +96,17 @@ pub struct Demand {
     pub torque_body_n_m: Vec3,
 }
 
-/// Greatest climb or sink the height error may ask for beyond the reference (m/s).
+/// Greatest vertical speed that the height error adds to the reference (m/s).
 const CLIMB_CORRECTION_M_S: f64 = 1.5;
-/// Greatest speed the position error may ask for beyond the reference (m/s).
+/// Greatest horizontal speed that the position error adds to the reference (m/s).
 const LATERAL_CORRECTION_M_S: f64 = 1.5;
-/// Greatest acceleration the velocity integral may hold: an 18 m/s wind, and a gimbal trim of a degree (m/s²).
+/// Bound of the velocity integral: an 18 m/s wind, and a gimbal trim of a degree (m/s²).
 const INTEGRAL_LIMIT_M_S2: f64 = 1.4;
-/// Greatest angle, as thrust misalignment, that the attitude integral may hold (rad).
+/// Bound of the attitude integral, as thrust misalignment (rad).
 const TRIM_ANGLE_LIMIT_RAD: f64 = 0.05;
-/// Greatest body rate asked for across the long axis (rad/s).
+/// Greatest body rate across the long axis, and about it (rad/s).
 const RATE_LIMIT_RAD_S: f64 = 0.5;
+const ROLL_RATE_LIMIT_RAD_S: f64 = 0.3;
 
 /// Integrators of the cascade.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,47 +116,29 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Takes over from somebody who held `torque_xy_n_m` with the gimbal and flew with the horizontal
-    /// acceleration `acceleration_ne_m_s2`: the first demand repeats theirs at zero error.
+    /// Continues from another controller's trim: at zero error the first demand is the torque `torque_xy_n_m`
+    /// and the horizontal acceleration `acceleration_ne_m_s2`.
     pub const fn resume(torque_xy_n_m: [f64; 2], acceleration_ne_m_s2: [f64; 2]) -> Self {
         Self { acceleration_ne_m_s2, torque_xy_n_m }
     }
 
-    /// One step. `airborne` lets the integrators run; `saturated` holds those of the gimbal axes x, y.
-    #[allow(clippy::too_many_arguments)]
-    pub fn step(
-        &mut self,
-        gains: &Gains,
-        limits: &Limits,
-        reference: &Reference,
-        motion: &Motion,
-        mass: &MassPoint,
-        integrate: Integrate,
-        dt_s: f64,
-    ) -> Demand {
-        let acceleration = self.acceleration(gains, limits, reference, motion, mass, integrate, dt_s);
+    /// One step.
+    pub fn step(&mut self, gains: &Gains, input: &ControlInput, dt_s: f64) -> Demand {
+        let ControlInput { limits, motion, mass, .. } = input;
+        let acceleration = self.acceleration(gains, input, dt_s);
         let up_force = acceleration - Vec3::new(0.0, 0.0, limits.gravity_m_s2); // thrust over mass, NED
         let axis_up = motion.q_ned_from_body * -Vec3::z();
-        // The vertical part is what must be right: what the tilt takes away is given back, within reason.
+        // The vertical force must be right: the loss by the tilt is compensated, up to 45 deg.
         let cosine = (-axis_up.z).max(0.7);
         let thrust_n = (mass.mass_kg * -up_force.z / cosine).clamp(limits.thrust_min_n, limits.thrust_max_n);
-        let torque_body_n_m =
-            self.torque(gains, reference, motion, mass, up_force, thrust_n, integrate, dt_s);
+        let torque_body_n_m = self.torque(gains, input, up_force, thrust_n, dt_s);
         Demand { thrust_n, torque_body_n_m }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn acceleration(
-        &mut self,
-        gains: &Gains,
-        limits: &Limits,
-        reference: &Reference,
-        motion: &Motion,
-        mass: &MassPoint,
-        integrate: Integrate,
-        dt_s: f64,
-    ) -> Vec3 {
-        // The reference is of the pivot on an upright vehicle, the motion that of the centre of mass above it.
+    /// Acceleration demand of position and velocity loop, NED (m/s²).
+    fn acceleration(&mut self, gains: &Gains, input: &ControlInput, dt_s: f64) -> Vec3 {
+        let ControlInput { limits, reference, motion, mass, .. } = input;
+        // The reference is the pivot of an upright vehicle, the motion that of the centre of mass above it.
         let above = Vec3::new(0.0, 0.0, mass.com_body_m.z);
         let position_error = reference.position_ned_m + above - motion.position_ned_m;
         let mut correction = position_error * gains.position_1_s;
@@ -172,7 +161,7 @@ impl Controller {
         if lateral > most {
             a.x *= most / lateral;
             a.y *= most / lateral;
-        } else if integrate.airborne {
+        } else if input.airborne {
             for (i, error) in [velocity_error.x, velocity_error.y].into_iter().enumerate() {
                 let next = self.acceleration_ne_m_s2[i] + gains.velocity_integral_1_s2 * error * dt_s;
                 self.acceleration_ne_m_s2[i] = next.clamp(-INTEGRAL_LIMIT_M_S2, INTEGRAL_LIMIT_M_S2);
@@ -181,19 +170,17 @@ impl Controller {
         a
     }
 
-    #[allow(clippy::too_many_arguments)]
+    /// Torque demand of attitude and rate loop, body axes (N m), from the demanded force per mass.
     fn torque(
         &mut self,
         gains: &Gains,
-        reference: &Reference,
-        motion: &Motion,
-        mass: &MassPoint,
+        input: &ControlInput,
         up_force: Vec3,
         thrust_n: f64,
-        integrate: Integrate,
         dt_s: f64,
     ) -> Vec3 {
-        // Tilt: turn the body's up axis onto the wanted force, by the shortest way, in body axes.
+        let ControlInput { reference, motion, mass, .. } = input;
+        // Tilt error: the shortest rotation of the body's up axis onto the demanded force, in body axes.
         let wanted_up = motion.q_ned_from_body.inverse() * up_force;
         let wanted_up = wanted_up / wanted_up.norm().max(1e-6);
         let up = -Vec3::z();
@@ -208,7 +195,7 @@ impl Controller {
             rate *= RATE_LIMIT_RAD_S / size;
         }
         let heading_error = wrap(reference.heading_rad - heading_rad(&motion.q_ned_from_body));
-        rate.z = (gains.heading_1_s * heading_error).clamp(-0.3, 0.3);
+        rate.z = (gains.heading_1_s * heading_error).clamp(-ROLL_RATE_LIMIT_RAD_S, ROLL_RATE_LIMIT_RAD_S);
 
         let rate_error = rate - motion.rate_body_rad_s;
         let inertia = mass.inertia_kg_m2;
@@ -217,7 +204,7 @@ impl Controller {
         for (i, (inertia, error)) in
             [(inertia[0], rate_error.x), (inertia[1], rate_error.y)].into_iter().enumerate()
         {
-            if integrate.airborne && !integrate.saturated[i] {
+            if input.airborne && !input.gimbal_saturated[i] {
                 let gain = inertia * gains.rate_1_s * gains.attitude_integral_1_s;
                 self.torque_xy_n_m[i] = (self.torque_xy_n_m[i] + gain * error * dt_s).clamp(-most, most);
             }
@@ -230,15 +217,7 @@ impl Controller {
     }
 }
 
-/// Which integrators may run.
-#[derive(Clone, Copy, Debug)]
-pub struct Integrate {
-    /// Off the ground: what the legs hold is no error.
-    pub airborne: bool,
-    /// Gimbal axes that cannot give more.
-    pub saturated: [bool; 2],
-}
-
+/// An angle moved by a turn into -π..π.
 fn wrap(angle_rad: f64) -> f64 {
     use core::f64::consts::{PI, TAU};
     if angle_rad > PI {
@@ -253,33 +232,45 @@ fn wrap(angle_rad: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::UnitQuaternion;
 
     const LIMITS: Limits =
         Limits { tilt_rad: 0.2, thrust_min_n: 300.0, thrust_max_n: 1050.0, gravity_m_s2: 9.80665 };
 
-    fn mass() -> MassPoint {
-        MassPoint { mass_kg: 70.0, com_body_m: Vec3::new(0.0, 0.0, -0.4), inertia_kg_m2: [22.0, 22.0, 2.4] }
+    fn mass() -> MassProperties {
+        MassProperties {
+            mass_kg: 70.0,
+            com_body_m: Vec3::new(0.0, 0.0, -0.4),
+            inertia_kg_m2: [22.0, 22.0, 2.4],
+        }
     }
 
-    fn motion(position: Vec3) -> Motion {
-        Motion {
+    fn motion(position: Vec3) -> MotionEstimate {
+        MotionEstimate {
             position_ned_m: position,
             velocity_ned_m_s: Vec3::zeros(),
             q_ned_from_body: UnitQuaternion::identity(),
             rate_body_rad_s: Vec3::zeros(),
+            thrust_n: 0.0,
         }
     }
 
-    fn demand(motion: &Motion) -> Demand {
-        let integrate = Integrate { airborne: true, saturated: [false; 2] };
-        let reference = Reference::default();
-        Controller::default().step(&Gains::default(), &LIMITS, &reference, motion, &mass(), integrate, 0.004)
+    fn demand(motion: &MotionEstimate) -> Demand {
+        let input = ControlInput {
+            limits: LIMITS,
+            reference: Reference::default(),
+            motion,
+            mass: &mass(),
+            airborne: true,
+            gimbal_saturated: [false; 2],
+        };
+        Controller::default().step(&Gains::default(), &input, 0.004)
     }
 
     #[test]
     fn at_the_reference_it_carries_the_weight_and_nothing_else() {
         let d = demand(&motion(Vec3::new(0.0, 0.0, -0.4)));
-        assert!((d.thrust_n - 70.0 * 9.80665).abs() < 1e-9);
+        assert!((d.thrust_n - 70.0 * LIMITS.gravity_m_s2).abs() < 1e-9);
         assert!(d.torque_body_n_m.norm() < 1e-9);
     }
 
@@ -289,6 +280,6 @@ mod tests {
         let d = demand(&motion(Vec3::new(1.0, 0.0, -0.4)));
         assert!(d.torque_body_n_m.y > 1.0 && d.torque_body_n_m.x.abs() < 1e-9);
         let d = demand(&motion(Vec3::new(0.0, 0.0, 0.1)));
-        assert!(d.thrust_n > 70.0 * 9.80665);
+        assert!(d.thrust_n > 70.0 * LIMITS.gravity_m_s2);
     }
 }

@@ -1,36 +1,36 @@
-//! Guidance: which motion is being flown, and where on it the vehicle should be.
+//! Guidance: the trajectory in force, the clock along it, and the closed-form ramps of each phase.
 //!
-//! A phase of the flight gets a [`Trajectory`]; here lie the closed-form ones, and the clock that runs along
-//! whichever is flown. Ramps: speed toward the goal follows `v = √(2 a d)` with a linear end, acceleration is bounded
-//! by construction, and a moving average over 0.2 s makes the jerk finite. The average of a motion is
-//! itself a motion with consistent derivatives, and it ends where the original ends.
+//! Ramps: the speed toward the goal follows `v = √(2 a d)` with a linear end, acceleration is bounded by
+//! construction, and a moving average over 0.2 s makes the jerk finite. The average of a motion is itself a
+//! motion with consistent derivatives, and it ends where the original ends.
 
-use super::phase::{Mission, Phase};
+use super::mission::Mission;
+use super::phase::Phase;
 use super::trajectory::{Node, Reference, Trajectory};
 use crate::frame::Vec3;
 use crate::time::SimTime;
 
-/// The trajectory in force and the place on it.
+/// The trajectory in force and the time on it.
 #[derive(Clone, Debug)]
 pub struct Guidance {
     trajectory: Trajectory,
     elapsed_s: f64,
 }
 
-/// Share by which the clock on the trajectory may run fast or slow to meet the vehicle.
+/// Greatest share by which the trajectory clock runs fast or slow to meet the vehicle.
 const CLOCK_SHARE: f64 = 0.2;
-/// Pace of meeting it (1/s).
+/// Rate at which the clock meets the vehicle (1/s).
 const CLOCK_RATE_1_S: f64 = 1.0;
-/// Speed of the reference under which position says nothing about the clock (m/s).
+/// Speed of the reference below which the clock is not shifted (m/s).
 const CLOCK_SPEED_M_S: f64 = 1.0;
 
 impl Guidance {
-    /// Standing at a place.
+    /// At rest at one position.
     pub fn at_rest(position_ned_m: Vec3, heading_rad: f64) -> Self {
         Self { trajectory: Trajectory::hold(SimTime::ZERO, position_ned_m, heading_rad), elapsed_s: 0.0 }
     }
 
-    /// From now on this trajectory, `elapsed_s` after its start.
+    /// Follows a trajectory from now on, `elapsed_s` after its start.
     pub fn follow(&mut self, trajectory: Trajectory, elapsed_s: f64) {
         (self.trajectory, self.elapsed_s) = (trajectory, elapsed_s);
     }
@@ -45,18 +45,18 @@ impl Guidance {
         self.elapsed_s
     }
 
-    /// Where the vehicle should be now.
+    /// The present reference.
     pub fn reference(&self) -> Reference {
         self.ahead(0.0)
     }
 
-    /// Where it should be that many seconds from now.
+    /// The reference that many seconds from now.
     pub fn ahead(&self, seconds: f64) -> Reference {
         self.trajectory.after(self.elapsed_s + seconds)
     }
 
-    /// Advances the clock. On a moving reference it meets the vehicle along the path: an error in time is not
-    /// chased with thrust.
+    /// Advances the clock. On a moving reference the clock meets the vehicle along the path: a timing error
+    /// is not corrected with thrust.
     pub fn advance(&mut self, position_ned_m: Vec3, dt_s: f64) {
         let r = self.reference();
         let speed2 = r.velocity_ned_m_s.norm_squared();
@@ -76,17 +76,18 @@ const WINDOW: usize = 10;
 const STEP_S: f64 = 0.02;
 /// Length of the moving average (s).
 const WINDOW_S: f64 = STEP_S * WINDOW as f64;
-/// A ramp is laid out for so long at most; after it, it coasts (s).
+/// Greatest duration of a ramp; after it, the reference coasts (s).
 const LONGEST_S: f64 = 400.0;
 /// Slope of the linear end of the approach (1/s).
 const APPROACH_RATE_1_S: f64 = 3.0;
-/// Share of the terminal speed that is flown: the rest is for the error of tracking it.
+/// Reference speed as a share of the terminal speed: the rest is a margin for the tracking error.
 const TERMINAL_SHARE: f64 = 0.93;
 /// The terminal speed is reached this much above the terminal height (m).
 const TERMINAL_LEAD_M: f64 = 0.1;
-/// Height above which the sideways part may begin (m).
+/// Height above which the horizontal transfer may begin (m).
 const LATERAL_HEIGHT_M: f64 = 3.0;
 
+/// Unsmoothed motion at one step of a ramp.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     position: Vec3,
@@ -94,59 +95,59 @@ struct Motion {
     acceleration: Vec3,
 }
 
-/// Goal of a phase in the local frame.
+/// Mission profile in the local frame: where each phase leads, and its ramps.
 #[derive(Clone, Copy, Debug)]
-pub struct Course<'a> {
-    /// What is to be flown.
+pub struct MissionProfile<'a> {
+    /// The mission.
     pub mission: &'a Mission,
-    /// Where the pivot rests on the pad (m).
+    /// Position of the pivot at rest on the pad (m).
     pub rest_ned_m: Vec3,
 }
 
-impl Course<'_> {
-    /// Where the pivot is to hover, over the landing point (m).
+impl MissionProfile<'_> {
+    /// Hover position of the pivot, over the landing point (m).
     pub fn hover_ned_m(&self) -> Vec3 {
         self.landing_ned_m() - Vec3::new(0.0, 0.0, self.mission.hover_height_m)
     }
 
-    /// Where the pivot is to come to rest (m).
-    pub fn landing_ned_m(&self) -> Vec3 {
+    /// Position of the pivot at rest on the landing point (m).
+    fn landing_ned_m(&self) -> Vec3 {
         let [north, east] = self.mission.target_north_east_m;
         self.rest_ned_m + Vec3::new(north, east, 0.0)
     }
 
-    /// The reference has arrived at the hover height.
+    /// The reference has reached the hover height.
     pub fn is_at_hover(&self, reference: &Reference) -> bool {
         (reference.position_ned_m.z - self.hover_ned_m().z).abs() < 0.05
             && reference.velocity_ned_m_s.z.abs() < 0.2
     }
 
-    /// The reference has arrived over the landing point.
+    /// The reference is over the landing point.
     pub fn is_over_target(&self, reference: &Reference) -> bool {
         let d = self.landing_ned_m() - reference.position_ned_m;
         libm::hypot(d.x, d.y) < 0.1
     }
 
-    /// Where the pivot is to have the speed of the last metres (m).
+    /// Position at which the reference reaches the terminal speed (m).
     pub fn terminal_ned_m(&self) -> Vec3 {
         self.landing_ned_m() - Vec3::new(0.0, 0.0, self.mission.terminal_height_m + TERMINAL_LEAD_M)
     }
 
-    /// Speed of the last metres (m/s).
+    /// Speed of the reference in the terminal phase (m/s).
     pub fn final_speed_m_s(&self) -> f64 {
         TERMINAL_SHARE * self.mission.terminal_speed_m_s
     }
 
-    /// The closed-form motion of a phase from a motion under way, `start` the time it begins.
+    /// The ramps of a phase from the motion `from`, beginning at `start`.
     pub fn ramps(&self, phase: Phase, from: &Reference, start: SimTime) -> Trajectory {
         let mut ramp = Ramp::new(from);
         let mut nodes = vec![ramp.node(0.0)];
-        // Still after the unsmoothed motion has arrived, until the average has too.
-        let mut still = 0;
-        while still <= WINDOW && (nodes.len() as f64) * STEP_S < LONGEST_S {
+        // The average ends a window later than the unsmoothed motion.
+        let mut steps_after_arrival = 0;
+        while steps_after_arrival <= WINDOW && (nodes.len() as f64) * STEP_S < LONGEST_S {
             ramp.step(self, phase);
             nodes.push(ramp.node(nodes.len() as f64 * STEP_S));
-            still = if ramp.has_arrived(self, phase) { still + 1 } else { 0 };
+            steps_after_arrival = if ramp.has_arrived(self, phase) { steps_after_arrival + 1 } else { 0 };
         }
         Trajectory::new(start, from.heading_rad, nodes)
     }
@@ -164,7 +165,7 @@ impl Course<'_> {
                 let limit = if up > 0.0 { mission.ascent_speed_m_s } else { mission.descent_speed_m_s };
                 approach_speed(up.abs(), a, limit).copysign(up)
             }
-            Phase::Descent | Phase::Terminal | Phase::AbortLand => {
+            _ if phase.is_descent() => {
                 let v = self.final_speed_m_s();
                 // The smoothed reference is half a window late: at the terminal height it still has the
                 // speed that the braking takes off in that time, so all of it begins that much higher.
@@ -178,7 +179,7 @@ impl Course<'_> {
     }
 }
 
-/// A ramp under way: the unsmoothed motion, and the last of it for the average.
+/// State of a ramp: the unsmoothed motion, and its last steps for the average.
 #[derive(Clone, Debug)]
 struct Ramp {
     now: Motion,
@@ -187,7 +188,7 @@ struct Ramp {
 }
 
 impl Ramp {
-    /// The first average is the motion given.
+    /// The first average is the motion `from`.
     fn new(from: &Reference) -> Self {
         let (p, v, a) = (from.position_ned_m, from.velocity_ned_m_s, from.acceleration_ned_m_s2);
         let at =
@@ -198,7 +199,7 @@ impl Ramp {
         Self { now: at(middle * STEP_S), window, cursor: 0 }
     }
 
-    /// Mean of the window.
+    /// Mean of the window, as a node.
     fn node(&self, time_s: f64) -> Node {
         let mean = |of: fn(&Motion) -> Vec3| self.window.iter().map(of).sum::<Vec3>() / WINDOW as f64;
         Node {
@@ -209,27 +210,25 @@ impl Ramp {
         }
     }
 
-    /// The motion keeps its velocity from here on.
-    fn has_arrived(&self, course: &Course, phase: Phase) -> bool {
+    /// The unsmoothed motion has reached its goal: it keeps its velocity.
+    fn has_arrived(&self, profile: &MissionProfile, phase: Phase) -> bool {
         let (p, v) = (self.now.position, self.now.velocity);
-        let aside = course.landing_ned_m() - p;
-        let over = libm::hypot(aside.x, aside.y) < 1e-3 && libm::hypot(v.x, v.y) < 3e-3;
+        let offset = profile.landing_ned_m() - p;
+        let over = libm::hypot(offset.x, offset.y) < 1e-3 && libm::hypot(v.x, v.y) < 3e-3;
         let vertical = match phase {
-            Phase::Ascent | Phase::Hover => (course.hover_ned_m().z - p.z).abs() < 1e-3 && v.z.abs() < 3e-3,
-            Phase::Descent | Phase::Terminal | Phase::AbortLand => {
-                (v.z - course.final_speed_m_s()).abs() < 1e-9
-            }
+            Phase::Ascent | Phase::Hover => (profile.hover_ned_m().z - p.z).abs() < 1e-3 && v.z.abs() < 3e-3,
+            _ if phase.is_descent() => (v.z - profile.final_speed_m_s()).abs() < 1e-9,
             _ => true,
         };
         over && vertical
     }
 
-    fn step(&mut self, course: &Course, phase: Phase) {
-        let mission = course.mission;
-        let height = course.height_m(self.now.position);
+    fn step(&mut self, profile: &MissionProfile, phase: Phase) {
+        let mission = profile.mission;
+        let height = profile.height_m(self.now.position);
         let mut wanted = Vec3::zeros();
-        if height > LATERAL_HEIGHT_M || phase >= Phase::Descent {
-            let to_target = course.landing_ned_m() - self.now.position;
+        if height > LATERAL_HEIGHT_M || phase.is_descent() {
+            let to_target = profile.landing_ned_m() - self.now.position;
             let distance = libm::hypot(to_target.x, to_target.y);
             if distance > 1e-9 {
                 let speed =
@@ -238,7 +237,7 @@ impl Ramp {
                 wanted.y = to_target.y / distance * speed;
             }
         }
-        wanted.z = -course.climb_speed(phase, height);
+        wanted.z = -profile.climb_speed(phase, height);
 
         let mut change = wanted - self.now.velocity;
         let lateral = libm::hypot(change.x, change.y);
@@ -275,15 +274,15 @@ mod tests {
 
     const REST: Vec3 = Vec3::new(0.0, 0.0, -0.741);
 
-    fn standing(position_ned_m: Vec3) -> Reference {
+    fn at_rest(position_ned_m: Vec3) -> Reference {
         Reference { position_ned_m, ..Reference::default() }
     }
 
     #[test]
     fn climb_ends_at_the_hover_height_within_the_limits() {
         let mission = Mission::default();
-        let course = Course { mission: &mission, rest_ned_m: REST };
-        let climb = course.ramps(Phase::Ascent, &standing(REST), SimTime::ZERO);
+        let profile = MissionProfile { mission: &mission, rest_ned_m: REST };
+        let climb = profile.ramps(Phase::Ascent, &at_rest(REST), SimTime::ZERO);
         for pair in climb.nodes().windows(2) {
             let (a, b) = (&pair[0], &pair[1]);
             assert!(-b.velocity_ned_m_s.z <= 6.0 + 1e-9);
@@ -294,17 +293,17 @@ mod tests {
             assert!((moved - mean * STEP_S).abs() < 1e-9);
         }
         let arrived =
-            (0..).map(|i| 0.01 * f64::from(i)).find(|&t| course.is_at_hover(&climb.after(t))).unwrap();
+            (0..).map(|i| 0.01 * f64::from(i)).find(|&t| profile.is_at_hover(&climb.after(t))).unwrap();
         // 6/1.6 s of each ramp, the rest at 6 m/s: 12.1 s; the linear end costs under 1 s.
         assert!(arrived > 12.0 && arrived < 13.2, "{arrived}");
-        assert!((climb.last().position_ned_m - course.hover_ned_m()).norm() < 2e-3);
+        assert!((climb.last().position_ned_m - profile.hover_ned_m()).norm() < 2e-3);
     }
 
     #[test]
     fn descent_reaches_the_terminal_speed_at_the_terminal_height() {
         let mission = Mission::default();
-        let course = Course { mission: &mission, rest_ned_m: REST };
-        let down = course.ramps(Phase::Descent, &standing(course.hover_ned_m()), SimTime::ZERO);
+        let profile = MissionProfile { mission: &mission, rest_ned_m: REST };
+        let down = profile.ramps(Phase::Descent, &at_rest(profile.hover_ned_m()), SimTime::ZERO);
         let low = |t: &f64| REST.z - down.after(*t).position_ned_m.z <= mission.terminal_height_m;
         let time_s = (0..).map(|i| 0.004 * f64::from(i)).find(low).unwrap();
         let speed = down.after(time_s).velocity_ned_m_s.z;
@@ -316,13 +315,13 @@ mod tests {
     #[test]
     fn a_motion_under_way_is_braked_and_led_to_the_target() {
         let mission = Mission { target_north_east_m: [8.0, -3.0], ..Mission::default() };
-        let course = Course { mission: &mission, rest_ned_m: REST };
+        let profile = MissionProfile { mission: &mission, rest_ned_m: REST };
         let under_way = Reference {
             position_ned_m: REST + Vec3::new(-2.0, 1.0, -20.0),
             velocity_ned_m_s: Vec3::new(-3.0, 2.0, 4.0),
             ..Reference::default()
         };
-        let way = course.ramps(Phase::Hover, &under_way, SimTime::ZERO);
+        let way = profile.ramps(Phase::Hover, &under_way, SimTime::ZERO);
         assert!((way.after(0.0).position_ned_m - under_way.position_ned_m).norm() < 1e-12);
         let end = way.last().position_ned_m - REST;
         assert!((end - Vec3::new(8.0, -3.0, -50.0)).norm() < 0.01, "{end}");

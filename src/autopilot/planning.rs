@@ -1,42 +1,46 @@
-//! When a landing or a climb is planned, what is asked, and what becomes of the answer.
+//! Planning of climb and landing beside the control loop: orders, answers, deadlines.
 //!
-//! A plan takes milliseconds and must not hold up the loop: the autopilot makes an [`Order`], its owner solves it
-//! wherever it likes and delivers the answer. The plan begins [`LATENCY_S`] after the order and is adopted exactly then, so
-//! that a flight in memory and one beside a thread give the same bits as long as answers come in time. One that
-//! does not is counted, and what is being flown is flown on.
+//! A plan takes milliseconds and must not delay the loop: the autopilot makes an [`Order`], its owner solves
+//! it on any thread and delivers the answer. The plan begins [`LATENCY_S`] after the order and is adopted
+//! exactly then, so that a flight in memory and one with a planning thread give the same bits as long as
+//! answers come in time. A late answer is counted, and the trajectory in force is flown on.
 
 use super::Autopilot;
 use super::lcvx::{self, Engine, GlideSlope, Limits, Plan, PlanRequest, Problem, Rung, Start, Target};
-use super::phase::{GuidanceLaw, Phase};
+use super::mission::GuidanceLaw;
+use super::phase::Phase;
 use super::trajectory::{Reference, Trajectory};
 use crate::frame::{Vec3, heading_rad};
 use crate::time::SimTime;
 
-/// From an order to the beginning of its plan: the deadline of whoever solves it (s).
+/// From an order to the beginning of its plan: the deadline of the answer (s).
 pub const LATENCY_S: f64 = 0.2;
-/// Time between plans on the way down (s).
+/// Time between plans during the descent (s).
 const REPLAN_S: f64 = 1.0;
-/// With less than this to go the last plan stands (s).
+/// No new plan with less than this to go (s).
 const FREEZE_S: f64 = 3.0;
-/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join without a step. Wider
-/// than any gust drives it: what tracking brings back by itself must not reach the plan, which would begin its reserve
-/// of time anew each second and never come down.
+/// A vehicle within this of its reference (m, m/s) is planned on from the reference, so that plans join
+/// without a step. Wider than any tracking error by gusts: a plan from the disturbed motion would extend the
+/// flight time each second, and the vehicle would never land.
 const TUBE_M: f64 = 2.0;
 const TUBE_M_S: f64 = 1.5;
-/// A landing climbs no faster than it does already, and this (m/s): going up is as cheap as waiting, and no way down.
+/// A landing may climb this much faster than the vehicle climbs already (m/s): a climb costs no more than a
+/// hover, but brings the vehicle no closer to the ground.
 const LANDING_CLIMB_M_S: f64 = 0.5;
-/// A plan that is due waits so long for a clock that runs slow (s).
+/// Time that a due plan waits for a trajectory clock that runs slow (s).
 const JOIN_WAIT_S: f64 = 0.06;
 /// Nodes of a plan.
 const NODES: usize = 30;
-/// The thrust band that plans may use, over the least and the greatest command: the rest is control's.
-const BAND: [f64; 2] = [1.5, 0.9];
+/// The thrust band of plans, as multiples of the least and the greatest command: the rest is the margin of
+/// control.
+const BAND_LOW: f64 = 1.5;
+const BAND_HIGH: f64 = 0.9;
 /// Share of the tilt limit that plans may use.
 const TILT_SHARE: f64 = 0.8;
-/// Cone over the target that a landing stays in.
+/// Cone above the target that a landing stays inside.
 const GLIDE_SLOPE: GlideSlope = GlideSlope { angle_rad: core::f64::consts::FRAC_PI_4, offset_m: 0.5 };
 
-/// A plan to be made.
+/// An order for a plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Order {
     number: u64,
@@ -44,7 +48,7 @@ pub struct Order {
     settings: lcvx::Settings,
 }
 
-/// An answer to an order.
+/// The plan of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     number: u64,
@@ -52,25 +56,28 @@ pub struct Answer {
 }
 
 impl Order {
-    /// Solves it: pure, some milliseconds.
+    /// Solves the order: pure, some milliseconds.
     pub fn solve(&self) -> Answer {
         Answer { number: self.number, plan: lcvx::plan(&self.request, &self.settings) }
     }
 }
 
-/// Orders, answers, and what came of them.
+/// State of planning: the order under way, and counters.
 #[derive(Clone, Debug, Default)]
 pub struct Planning {
+    /// Orders so far: the number of the newest.
     ordered: u64,
     begins: Option<SimTime>,
-    /// Place on the trajectory flown where the plan joins it (s); `None`: it begins where the vehicle is.
+    /// Time on the trajectory in force at which the plan joins it (s); `None`: the plan begins at the
+    /// vehicle's motion.
     join_s: Option<f64>,
     outbox: Option<Order>,
     answer: Option<Plan>,
+    /// Time to the next order of a descent (s).
     next_s: f64,
     counts: [u64; 7],
     late: u64,
-    /// Of the plan that is flown; `None` while none is.
+    /// Of the plan in force; `None` without one.
     rung: Option<Rung>,
 }
 
@@ -85,23 +92,23 @@ impl Planning {
         self.late
     }
 
-    /// When the plan that was ordered begins; `None` while none is awaited.
+    /// When the plan on order begins; `None` without an order.
     pub const fn begins(&self) -> Option<SimTime> {
         self.begins
     }
 
-    /// The ladder has come to its end: nothing is left that keeps the limits.
+    /// The plan in force is of the last rungs, which may break limits.
     pub(super) fn is_exhausted(&self) -> bool {
         matches!(self.rung, Some(Rung::Ramp | Rung::Hold))
     }
 
-    /// Drops what is under way; what is flown is no plan.
-    pub(super) fn drop_all(&mut self) {
+    /// Discards order and plan.
+    pub(super) fn reset(&mut self) {
         *self = Self { ordered: self.ordered, counts: self.counts, late: self.late, ..Self::default() };
     }
 
     fn take(&mut self, answer: Answer) {
-        // One that was given up on is too late for anything.
+        // An answer after its deadline is of no use.
         if answer.number == self.ordered && self.begins.is_some() {
             self.answer = Some(answer.plan);
         }
@@ -109,22 +116,22 @@ impl Planning {
 }
 
 impl Autopilot {
-    /// An order that waits to be solved, once.
+    /// The order to be solved, once.
     pub fn take_order(&mut self) -> Option<Order> {
         self.planning.outbox.take()
     }
 
-    /// The answer to an order.
+    /// Delivers the answer to an order.
     pub fn deliver(&mut self, answer: Answer) {
         self.planning.take(answer);
     }
 
-    /// Orders, answers, and what came of them.
+    /// State of planning.
     pub const fn planning(&self) -> &Planning {
         &self.planning
     }
 
-    /// One step: order what the phase needs, adopt what is due.
+    /// One step: orders the plan that the phase needs, adopts the plan that is due.
     pub(super) fn plan(&mut self, dt_s: f64) {
         if self.parameters.mission.guidance != GuidanceLaw::Lcvx {
             return;
@@ -146,7 +153,7 @@ impl Autopilot {
         }
     }
 
-    /// The climb that was ordered before lift-off, if it came.
+    /// The climb that was ordered before lift-off, if it was delivered in time.
     pub(super) fn planned_climb(&mut self) -> Option<Trajectory> {
         self.planning.begins.take()?;
         let Some(plan) = self.planning.answer.take() else {
@@ -154,7 +161,7 @@ impl Autopilot {
             return None;
         };
         self.planning.counts[plan.rung as usize] += 1;
-        // The closed forms of the mission climb better than the ladder's last rungs.
+        // The ramps of the mission climb better than those of the ladder's last rungs.
         (plan.rung < Rung::Ramp).then_some(plan.trajectory)
     }
 
@@ -164,7 +171,8 @@ impl Autopilot {
             return;
         }
         let since_s = self.time.since(begins).s();
-        // The clock on the trajectory has been shifted since: join where the plan begins, not when.
+        // The trajectory clock has been shifted since: the plan joins at its place on the trajectory, not at
+        // its time.
         let past_s = self.planning.join_s.map_or(since_s, |join_s| self.guidance.elapsed_s() - join_s);
         if past_s < 0.0 && since_s < JOIN_WAIT_S {
             return;
@@ -181,7 +189,7 @@ impl Autopilot {
             None => {
                 self.planning.late += 1;
                 if self.planning.rung.is_none() {
-                    // Nothing leads down yet: the closed form does until the next plan.
+                    // Without a first plan, ramps lead down until the next one.
                     self.follow_ramps(Phase::Descent, &self.guidance.reference());
                     self.planning.rung = Some(Rung::Previous);
                 }
@@ -193,41 +201,41 @@ impl Autopilot {
         let heading_rad = heading_rad(&self.navigation.q_ned_from_body());
         let position_ned_m = self.parameters.navigation.rest_ned_m;
         let from = Reference { position_ned_m, heading_rad, ..Reference::default() };
-        let course = self.course();
-        // The way up is straight; the way aside belongs to the hover.
-        let above = Vec3::new(position_ned_m.x, position_ned_m.y, course.hover_ned_m().z);
+        let profile = self.mission_profile();
+        // The climb is vertical; the horizontal transfer belongs to the hover.
+        let above = Vec3::new(position_ned_m.x, position_ned_m.y, profile.hover_ned_m().z);
         let target = Target { position_ned_m: above, velocity_ned_m_s: Vec3::zeros() };
         self.order(&from, target, None, None);
     }
 
     fn order_landing(&mut self) {
         let ahead = self.guidance.ahead(LATENCY_S);
-        let (position, velocity) = self.navigation.point(Vec3::zeros());
+        let pivot = self.navigation.pivot();
         let now = self.guidance.reference();
-        let close = (position - now.position_ned_m).norm() < TUBE_M
-            && (velocity - now.velocity_ned_m_s).norm() < TUBE_M_S;
+        let close = (pivot.position_ned_m - now.position_ned_m).norm() < TUBE_M
+            && (pivot.velocity_ned_m_s - now.velocity_ned_m_s).norm() < TUBE_M_S;
         let join_s = self.guidance.elapsed_s() + LATENCY_S;
         let from = if close {
             ahead
         } else {
-            let way = self.under_way();
-            let (v, a) = (way.velocity_ned_m_s, way.acceleration_ned_m_s2);
+            let present = self.present_motion();
+            let (v, a) = (present.velocity_ned_m_s, present.acceleration_ned_m_s2);
             Reference {
-                position_ned_m: way.position_ned_m + (v + a * (0.5 * LATENCY_S)) * LATENCY_S,
+                position_ned_m: present.position_ned_m + (v + a * (0.5 * LATENCY_S)) * LATENCY_S,
                 velocity_ned_m_s: v + a * LATENCY_S,
                 heading_rad: now.heading_rad,
-                ..way
+                ..present
             }
         };
-        let course = self.course();
+        let profile = self.mission_profile();
         let target = Target {
-            position_ned_m: course.terminal_ned_m(),
-            velocity_ned_m_s: Vec3::new(0.0, 0.0, course.final_speed_m_s()),
+            position_ned_m: profile.terminal_ned_m(),
+            velocity_ned_m_s: Vec3::new(0.0, 0.0, profile.final_speed_m_s()),
         };
         let previous = self.planning.rung.is_some().then(|| {
-            // Its clock has been shifted to meet the vehicle.
+            // Its start, by the trajectory clock, which has been shifted to meet the vehicle.
             let elapsed = SimTime::from_s(self.guidance.elapsed_s());
-            self.guidance.trajectory().clone().starting(self.time.since(elapsed))
+            self.guidance.trajectory().clone().with_start(self.time.since(elapsed))
         });
         self.order(&from, target, Some(GLIDE_SLOPE), previous);
         self.planning.join_s = close.then_some(join_s);
@@ -249,9 +257,9 @@ impl Autopilot {
         let usable_kg = flow_kg_s * (endurance_s - mission.abort.reserve_s).max(0.0);
         let dry_mass_kg = (self.propellant.mass_kg - usable_kg).max(p.propellant.empty.mass_kg);
         let begins = self.time + SimTime::from_s(LATENCY_S);
-        let push = from.acceleration_ned_m_s2 - Vec3::new(0.0, 0.0, gravity);
+        let thrust_acceleration = from.acceleration_ned_m_s2 - Vec3::new(0.0, 0.0, gravity);
         let vertical_m_s = mission.ascent_speed_m_s.max(mission.descent_speed_m_s);
-        // Only a landing has a cone to stay in.
+        // Only a landing has a glide slope.
         let climb_m_s = match glide_slope {
             Some(_) => LANDING_CLIMB_M_S + (-from.velocity_ned_m_s.z).max(0.0),
             None => mission.ascent_speed_m_s,
@@ -260,13 +268,13 @@ impl Autopilot {
             start: Start {
                 position_ned_m: from.position_ned_m,
                 velocity_ned_m_s: from.velocity_ned_m_s,
-                thrust_acceleration_ned_m_s2: Some(push),
+                thrust_acceleration_ned_m_s2: Some(thrust_acceleration),
                 mass_kg: self.propellant.mass_kg,
             },
             target,
             engine: Engine {
-                thrust_min_n: BAND[0] * p.actuators.thrust_min_n,
-                thrust_max_n: BAND[1] * p.actuators.thrust_max_n,
+                thrust_min_n: BAND_LOW * p.actuators.thrust_min_n,
+                thrust_max_n: BAND_HIGH * p.actuators.thrust_max_n,
                 mass_flow_per_thrust_s_m: flow_kg_s / weight_n.max(1.0),
                 dry_mass_kg,
             },

@@ -1,27 +1,16 @@
-//! What the engine is believed to do: thrust behind its servo, propellant used, mass, and the trim
-//! between the thrust commanded and the thrust that the accelerometer shows.
+//! Engine and propellant estimate: thrust behind its command, propellant used, mass, and the trim between the
+//! thrust of the model and the thrust that the accelerometer measures.
 
 use super::allocation::ThrustMap;
-use crate::frame::Vec3;
+use super::rigid_body::MassProperties;
 
-/// Mass properties at one mass; between two such points the estimate is linear in mass.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MassPoint {
-    /// Mass (kg).
-    pub mass_kg: f64,
-    /// Centre of mass in body FRD, from the pivot (m).
-    pub com_body_m: Vec3,
-    /// Principal moments about the centre of mass, FRD x, y, z (kg m²).
-    pub inertia_kg_m2: [f64; 3],
-}
-
-/// Numbers of the engine and the propellants that a flight computer carries.
+/// Engine and propellants as the flight computer knows them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PropellantParameters {
-    /// Ready to fly.
-    pub full: MassPoint,
-    /// At the end of the nominal flight, or burnt out.
-    pub empty: MassPoint,
+    /// Mass properties with full tanks.
+    pub full: MassProperties,
+    /// Mass properties without propellant.
+    pub empty: MassProperties,
     /// Usable oxidiser at the start (kg).
     pub oxidizer_kg: f64,
     /// Usable fuel at the start (kg).
@@ -34,15 +23,15 @@ pub struct PropellantParameters {
     pub delay_s: f64,
     /// First-order time constant of the thrust behind the command: the servo's 2 ζ/ω (s).
     pub lag_s: f64,
-    /// From throttle to the flame (s).
+    /// From throttle to ignition (s).
     pub ignition_delay_s: f64,
-    /// Time constant of the thrust rise after the flame (s).
+    /// Time constant of the thrust rise after ignition (s).
     pub rise_s: f64,
-    /// Thrust between here and the upper end holds once lit (N).
+    /// Lower end of the thrust band (N).
     pub thrust_min_n: f64,
-    /// Upper end (N).
+    /// Upper end of the thrust band (N).
     pub thrust_max_n: f64,
-    /// Demands under this thrust shut the engine (N).
+    /// Demands below this thrust shut the engine down (N).
     pub thrust_shut_n: f64,
 }
 
@@ -57,21 +46,25 @@ pub struct PropellantEstimate {
     pub fuel_used_kg: f64,
     /// Port radius (m).
     pub port_radius_m: f64,
-    /// Thrust over the thrust the model expects.
+    /// Measured thrust over the thrust of the model.
     pub trim: f64,
-    /// Oxidiser flow now (kg/s).
+    /// Oxidiser flow (kg/s).
     pub oxidizer_kg_s: f64,
+    /// Thrust demand behind dead time and lag (N).
     lagged_n: f64,
+    /// Share of the thrust that the ignition transient has reached.
     rise: f64,
-    demanded_for_s: f64,
-    pipeline_n: [f64; PIPELINE],
+    /// Time since the engine was demanded (s).
+    demand_time_s: f64,
+    /// Demands of the last steps, newest first (N).
+    delay_line_n: [f64; DELAY_LINE],
 }
 
 /// Longest dead time that can be represented, in steps of the IMU.
-const PIPELINE: usize = 64;
+const DELAY_LINE: usize = 64;
 /// Time constant of the trim: slow against the valve, fast against the flight (s).
 const TRIM_TIME_S: f64 = 0.5;
-/// The trim corrects an engine off its map, not a broken one.
+/// Bound of the trim: it corrects an engine off its map, not a broken one.
 const TRIM_LIMIT: f64 = 0.08;
 
 impl PropellantEstimate {
@@ -86,8 +79,8 @@ impl PropellantEstimate {
             oxidizer_kg_s: 0.0,
             lagged_n: 0.0,
             rise: 0.0,
-            demanded_for_s: 0.0,
-            pipeline_n: [0.0; PIPELINE],
+            demand_time_s: 0.0,
+            delay_line_n: [0.0; DELAY_LINE],
         }
     }
 
@@ -96,8 +89,8 @@ impl PropellantEstimate {
         self.trim * self.lagged_n * self.rise
     }
 
-    /// Mass properties at the estimated mass.
-    pub fn mass_properties(&self, parameters: &PropellantParameters) -> MassPoint {
+    /// Mass properties at the estimated mass: linear between full and empty.
+    pub fn mass_properties(&self, parameters: &PropellantParameters) -> MassProperties {
         let (full, empty) = (&parameters.full, &parameters.empty);
         let span = full.mass_kg - empty.mass_kg;
         let u = if span > 0.0 { (full.mass_kg - self.mass_kg) / span } else { 0.0 }.clamp(0.0, 1.2);
@@ -105,27 +98,27 @@ impl PropellantEstimate {
         for (i, value) in inertia.iter_mut().enumerate() {
             *value += u * (empty.inertia_kg_m2[i] - full.inertia_kg_m2[i]);
         }
-        MassPoint {
+        MassProperties {
             mass_kg: self.mass_kg,
             com_body_m: full.com_body_m + (empty.com_body_m - full.com_body_m) * u,
             inertia_kg_m2: inertia,
         }
     }
 
-    /// Time that the oxidiser or the fuel lasts at the present mean consumption of a hover (s).
+    /// Time that oxidiser and fuel last at the flow of a hover (s).
     pub fn endurance_s(&self, parameters: &PropellantParameters, map: &ThrustMap, gravity_m_s2: f64) -> f64 {
         let (ox, fuel) = map.flows_kg_s(self.mass_kg * gravity_m_s2, self.port_radius_m);
-        let left = |have: f64, used: f64, flow: f64| {
-            if flow > 0.0 { (have - used).max(0.0) / flow } else { f64::INFINITY }
+        let lasts_s = |loaded: f64, used: f64, flow: f64| {
+            if flow > 0.0 { (loaded - used).max(0.0) / flow } else { f64::INFINITY }
         };
-        left(parameters.oxidizer_kg, self.oxidizer_used_kg, ox).min(left(
+        lasts_s(parameters.oxidizer_kg, self.oxidizer_used_kg, ox).min(lasts_s(
             parameters.fuel_kg,
             self.fuel_used_kg,
             fuel,
         ))
     }
 
-    /// One step with the thrust demanded of the engine; `chamber_lit` is `None` without a transducer.
+    /// One step under a thrust demand; `chamber_lit` is `None` without a pressure transducer.
     pub fn step(
         &mut self,
         parameters: &PropellantParameters,
@@ -134,21 +127,22 @@ impl PropellantEstimate {
         chamber_lit: Option<bool>,
         dt_s: f64,
     ) {
-        let steps = (parameters.delay_s / dt_s.max(1e-4)).round().clamp(0.0, (PIPELINE - 1) as f64) as usize;
-        self.pipeline_n.rotate_right(1);
-        self.pipeline_n[0] = demand_n;
-        let demand_n = self.pipeline_n[steps];
+        let steps =
+            (parameters.delay_s / dt_s.max(1e-4)).round().clamp(0.0, (DELAY_LINE - 1) as f64) as usize;
+        self.delay_line_n.rotate_right(1);
+        self.delay_line_n[0] = demand_n;
+        let demand_n = self.delay_line_n[steps];
 
         let on = demand_n > parameters.thrust_shut_n;
-        self.demanded_for_s = if on { self.demanded_for_s + dt_s } else { 0.0 };
+        self.demand_time_s = if on { self.demand_time_s + dt_s } else { 0.0 };
         let target_n =
             if on { demand_n.clamp(parameters.thrust_min_n, parameters.thrust_max_n) } else { 0.0 };
         self.lagged_n += (target_n - self.lagged_n) * share(dt_s, parameters.lag_s);
-        let lit = chamber_lit.unwrap_or(self.demanded_for_s > parameters.ignition_delay_s);
+        let lit = chamber_lit.unwrap_or(self.demand_time_s > parameters.ignition_delay_s);
         if lit {
             self.rise += (1.0 - self.rise) * share(dt_s, parameters.rise_s);
         } else if !on || chamber_lit == Some(false) {
-            // Goes out as fast as it would have come.
+            // The thrust decays with the time constant of its rise.
             self.rise -= self.rise * share(dt_s, parameters.rise_s);
         }
 
@@ -157,7 +151,7 @@ impl PropellantEstimate {
         } else {
             (0.0, 0.0)
         };
-        // The servo's tail below the table's edge: flow in proportion to thrust.
+        // Below the thrust band the flow is in proportion to the thrust.
         let part = (self.thrust_n() / parameters.thrust_min_n).clamp(0.0, 1.0);
         self.oxidizer_kg_s = ox * part;
         self.oxidizer_used_kg += ox * part * dt_s;
@@ -168,7 +162,7 @@ impl PropellantEstimate {
         self.mass_kg = (parameters.full.mass_kg - used).max(0.5 * parameters.full.mass_kg);
     }
 
-    /// Slow trim: the force seen along the long axis (N) against the thrust expected. Only in free flight.
+    /// Slow trim from the measured force along the long axis (N). Only in free flight.
     pub fn trim_step(&mut self, parameters: &PropellantParameters, axial_force_n: f64, dt_s: f64) {
         let expected = self.thrust_n();
         if expected < 0.8 * parameters.thrust_min_n || self.rise < 0.9 {
@@ -180,7 +174,7 @@ impl PropellantEstimate {
     }
 }
 
-/// Share of a first-order step done in `dt_s`.
+/// Share of a first-order response after `dt_s`.
 fn share(dt_s: f64, time_constant_s: f64) -> f64 {
     if time_constant_s > 0.0 { 1.0 - libm::exp(-dt_s / time_constant_s) } else { 1.0 }
 }

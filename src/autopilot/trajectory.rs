@@ -1,13 +1,13 @@
-//! A motion laid out in advance: nodes in time with the acceleration linear between them.
+//! Trajectories: nodes in time, with the acceleration linear between them.
 //!
-//! What guidance hands to tracking, whoever made it: optimal landing, closed-form ramps, a hover. Position
+//! The output of guidance and the input of tracking: optimal landing, closed-form ramps, hover. Position
 //! is then cubic between nodes and follows exactly from position, velocity and acceleration of the nodes, so
 //! that a plan made with first-order-hold thrust per mass is flown as it was solved.
 
 use crate::frame::Vec3;
 use crate::time::SimTime;
 
-/// Where the pivot should be at one instant, and how it should move.
+/// Reference motion of the pivot at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     /// Position of the pivot (m).
@@ -44,7 +44,7 @@ pub struct Node {
     pub acceleration_ned_m_s2: Vec3,
 }
 
-/// A motion from its first node on; after the last it coasts on with the velocity it has there.
+/// A trajectory. Before the first node it stands still, after the last it coasts with the velocity there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     start: SimTime,
@@ -53,7 +53,7 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// From nodes in rising order of time, the first at zero. `start` is the time of the first.
+    /// From nodes in rising order of time; the first, at zero, is at time `start`.
     ///
     /// # Panics
     /// Without a node.
@@ -63,7 +63,7 @@ impl Trajectory {
         Self { start, heading_rad, nodes }
     }
 
-    /// Standing at one place.
+    /// At rest at one position.
     pub fn hold(start: SimTime, position_ned_m: Vec3, heading_rad: f64) -> Self {
         let node = Node {
             time_s: 0.0,
@@ -74,8 +74,8 @@ impl Trajectory {
         Self::new(start, heading_rad, vec![node])
     }
 
-    /// The same motion with another start.
-    pub fn starting(self, start: SimTime) -> Self {
+    /// The same trajectory with another start.
+    pub fn with_start(self, start: SimTime) -> Self {
         Self { start, ..self }
     }
 

@@ -30,7 +30,7 @@ pub(super) fn validate(entries: &[Fault]) -> Result<(), Invalid> {
         let Some(event) = entry.at_event.as_deref() else { continue };
         let known = match event.split_once(':') {
             None => PLAIN.contains(&event),
-            Some(("phase", name)) => serde_json::from_value::<Phase>(name.into()).is_ok(),
+            Some(("phase", name)) => Phase::ALL.iter().any(|phase| phase.name() == name),
             Some(("abort", name)) => AbortReason::ALL.iter().any(|reason| reason.name() == name),
             Some(("fault" | "fault_over", name)) => {
                 entries.iter().enumerate().any(|(other, entry)| other != index && entry.name() == name)

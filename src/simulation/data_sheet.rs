@@ -6,10 +6,14 @@
 use crate::autopilot::Parameters;
 use crate::autopilot::allocation::{ActuatorParameters, GIMBAL_AUTHORITY, ThrottleOutput, ThrustMap};
 use crate::autopilot::control::Gains;
-use crate::autopilot::navigation::{GnssParameters, NavigationParameters};
-use crate::autopilot::phase::SequenceParameters;
-use crate::autopilot::propellant::{MassPoint, PropellantParameters};
+use crate::autopilot::navigation::{
+    AccelerometerNoise, AltimeterNoise, BarometerNoise, GnssParameters, GyroscopeNoise, HorizontalVertical,
+    MagnetometerNoise, NavigationParameters,
+};
+use crate::autopilot::propellant::PropellantParameters;
+use crate::autopilot::rigid_body::MassProperties;
 use crate::autopilot::roll::{RollDrive, RollThrusters};
+use crate::autopilot::sequence::SequenceParameters;
 use crate::autopilot::tracking::observer::ServoParameters;
 use crate::autopilot::tracking::{TrackingParameters, WEIGHTS};
 use crate::autopilot::{lcvx, mpc};
@@ -97,7 +101,7 @@ fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
         engine_moment_kg_m: if gimbal.engine_inertia { swinging.first_moment_kg_m.z } else { 0.0 },
         engine_inertia_kg_m2: if gimbal.engine_inertia { swinging.inertia_kg_m2[(0, 0)] } else { 0.0 },
         solver: mpc::Settings::default(),
-        stand_in: mpc::Settings { iterations: 40, tolerance: 1e-6 },
+        fallback_solver: mpc::Settings { iterations: 40, tolerance: 1e-6 },
     }
 }
 
@@ -133,22 +137,22 @@ fn navigation(
     let (imu, gnss) = (&sensors.imu, &sensors.gnss);
     let receiver = gnss.receiver();
     let rate_hz = instruments.imu_rate_hz.unwrap_or(imu.rate_hz);
-    let weight_n = mass_point(vehicle, 1.0).mass_kg * environment.gravity.magnitude_m_s2;
+    let weight_n = mass_properties(vehicle, 1.0).mass_kg * environment.gravity.magnitude_m_s2;
     let pad_density = environment.atmosphere.density_kg_m3 * environment.gravity.magnitude_m_s2;
     let metres = |pressure_pa: f64| if pad_density > 0.0 { pressure_pa / pad_density } else { 0.0 };
     let barometer = &sensors.barometer;
     NavigationParameters {
         imu_body_m: frd_from_structural(imu.position_m),
-        accelerometer: [
-            sample_std(imu.accelerometer.noise_density_m_s2_sqrt_hz, rate_hz),
-            imu.accelerometer.bias_std_m_s2,
-            imu.accelerometer.random_walk_m_s2_sqrt_s,
-        ],
-        gyroscope: [
-            sample_std(imu.gyroscope.noise_density_rad_s_sqrt_hz, rate_hz),
-            imu.gyroscope.bias_std_rad_s,
-            imu.gyroscope.random_walk_rad_s_sqrt_s,
-        ],
+        accelerometer: AccelerometerNoise {
+            noise_std_m_s2: sample_std(imu.accelerometer.noise_density_m_s2_sqrt_hz, rate_hz),
+            bias_std_m_s2: imu.accelerometer.bias_std_m_s2,
+            random_walk_m_s2_sqrt_s: imu.accelerometer.random_walk_m_s2_sqrt_s,
+        },
+        gyroscope: GyroscopeNoise {
+            noise_std_rad_s: sample_std(imu.gyroscope.noise_density_rad_s_sqrt_hz, rate_hz),
+            bias_std_rad_s: imu.gyroscope.bias_std_rad_s,
+            random_walk_rad_s_sqrt_s: imu.gyroscope.random_walk_rad_s_sqrt_s,
+        },
         gnss: GnssParameters {
             delay_s: scenario
                 .file
@@ -157,27 +161,39 @@ fn navigation(
                 .or(instruments.gnss_delay_s)
                 .unwrap_or(receiver.delay_s),
             antenna_body_m: frd_from_structural(gnss.antenna_position_m),
-            position_std_m: [receiver.horizontal_noise_std_m, receiver.vertical_noise_std_m],
-            drift_std_m: [receiver.horizontal_drift_std_m, receiver.vertical_drift_std_m],
+            position_std_m: HorizontalVertical {
+                horizontal: receiver.horizontal_noise_std_m,
+                vertical: receiver.vertical_noise_std_m,
+            },
+            drift_std_m: HorizontalVertical {
+                horizontal: receiver.horizontal_drift_std_m,
+                vertical: receiver.vertical_drift_std_m,
+            },
             drift_time_s: receiver.drift_time_constant_s,
-            velocity_std_m_s: [
-                receiver.horizontal_velocity_noise_std_m_s,
-                receiver.vertical_velocity_noise_std_m_s,
-            ],
+            velocity_std_m_s: HorizontalVertical {
+                horizontal: receiver.horizontal_velocity_noise_std_m_s,
+                vertical: receiver.vertical_velocity_noise_std_m_s,
+            },
         },
-        barometer_m: [
-            metres(sample_std(barometer.noise_density_pa_sqrt_hz, barometer.rate_hz)),
-            metres(barometer.random_walk_pa_sqrt_s),
-        ],
+        barometer: BarometerNoise {
+            noise_std_m: metres(sample_std(barometer.noise_density_pa_sqrt_hz, barometer.rate_hz)),
+            random_walk_m_sqrt_s: metres(barometer.random_walk_pa_sqrt_s),
+        },
         barometer_delay_s: barometer.delay_s,
-        altimeter: [sensors.altimeter.noise_std_m, sensors.altimeter.noise_fraction],
+        altimeter: AltimeterNoise {
+            noise_std_m: sensors.altimeter.noise_std_m,
+            noise_fraction: sensors.altimeter.noise_fraction,
+        },
         altimeter_body_m: frd_from_structural(sensors.altimeter.position_m),
         altimeter_delay_s: sensors.altimeter.delay_s,
         magnetic_field_ned_t: Some(environment.magnetic_field_ned_t),
-        magnetometer_t: [
-            sample_std(sensors.magnetometer.noise_density_t_sqrt_hz, sensors.magnetometer.rate_hz),
-            sensors.magnetometer.bias_std_t,
-        ],
+        magnetometer: MagnetometerNoise {
+            noise_std_t: sample_std(
+                sensors.magnetometer.noise_density_t_sqrt_hz,
+                sensors.magnetometer.rate_hz,
+            ),
+            hard_iron_std_t: sensors.magnetometer.bias_std_t,
+        },
         rest_heading_rad: 0.0,
         rest_ned_m: Vec3::new(0.0, 0.0, -vehicle.landing_gear.rest_height_m(weight_n)),
         gravity_m_s2: environment.gravity.magnitude_m_s2,
@@ -206,10 +222,10 @@ fn mass_state(vehicle: &Vehicle, share: f64) -> MassState {
 }
 
 /// Mass properties with this share of the propellants left.
-fn mass_point(vehicle: &Vehicle, share: f64) -> MassPoint {
+fn mass_properties(vehicle: &Vehicle, share: f64) -> MassProperties {
     let mass = mass_state(vehicle, share).vehicle;
     let inertia = mass.inertia_about_com_kg_m2();
-    MassPoint {
+    MassProperties {
         mass_kg: mass.mass_kg,
         com_body_m: mass.centre_of_mass_body_m(),
         inertia_kg_m2: [inertia[(0, 0)], inertia[(1, 1)], inertia[(2, 2)]],
@@ -222,8 +238,8 @@ fn propellant(vehicle: &Vehicle) -> PropellantParameters {
     let fuel_kg_per_m2 =
         engine.grain.fuel_density_kg_m3 * engine.grain.length_m * f64::from(engine.grain.port_count);
     PropellantParameters {
-        full: mass_point(vehicle, 1.0),
-        empty: mass_point(vehicle, 0.0),
+        full: mass_properties(vehicle, 1.0),
+        empty: mass_properties(vehicle, 0.0),
         oxidizer_kg: (vehicle.initial_nitrous_kg() - vehicle.tank.unusable_nitrous_kg).max(0.0),
         fuel_kg: engine.grain.fuel_kg(engine.grain.port_radius_m),
         port_radius_m: engine.grain.port_radius_m,

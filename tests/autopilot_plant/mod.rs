@@ -10,10 +10,14 @@
 
 use hopbench::autopilot::allocation::{ActuatorParameters, ThrottleOutput, ThrustMap};
 use hopbench::autopilot::control::Gains;
-use hopbench::autopilot::navigation::{GnssParameters, NavigationParameters};
-use hopbench::autopilot::phase::SequenceParameters;
-use hopbench::autopilot::propellant::{MassPoint, PropellantParameters};
+use hopbench::autopilot::navigation::{
+    AccelerometerNoise, AltimeterNoise, BarometerNoise, GnssParameters, GyroscopeNoise, HorizontalVertical,
+    MagnetometerNoise, NavigationParameters,
+};
+use hopbench::autopilot::propellant::PropellantParameters;
+use hopbench::autopilot::rigid_body::MassProperties;
 use hopbench::autopilot::roll::{RollDrive, RollThrusters};
+use hopbench::autopilot::sequence::SequenceParameters;
 use hopbench::autopilot::tracking::observer::ServoParameters;
 use hopbench::autopilot::tracking::{TrackingParameters, WEIGHTS};
 use hopbench::autopilot::{Mission, Parameters, lcvx, mpc};
@@ -59,39 +63,48 @@ pub fn thrust_map() -> ThrustMap {
 
 /// The autopilot's knowledge of this plant.
 pub fn parameters(mission: Mission, rtk: bool) -> Parameters {
+    let per_axis = |horizontal, vertical| HorizontalVertical { horizontal, vertical };
     Parameters {
         mission,
         sequence: SequenceParameters::default(),
         navigation: NavigationParameters {
             imu_body_m: IMU_BODY_M,
-            accelerometer: [1.7e-2, 0.05, 3e-4],
-            gyroscope: [1.6e-3, 8.7e-4, 2e-5],
+            accelerometer: AccelerometerNoise {
+                noise_std_m_s2: 1.7e-2,
+                bias_std_m_s2: 0.05,
+                random_walk_m_s2_sqrt_s: 3e-4,
+            },
+            gyroscope: GyroscopeNoise {
+                noise_std_rad_s: 1.6e-3,
+                bias_std_rad_s: 8.7e-4,
+                random_walk_rad_s_sqrt_s: 2e-5,
+            },
             gnss: GnssParameters {
                 delay_s: if rtk { 0.10 } else { 0.12 },
                 antenna_body_m: ANTENNA_BODY_M,
-                position_std_m: if rtk { [0.010, 0.015] } else { [0.15, 0.30] },
-                drift_std_m: if rtk { [0.010, 0.015] } else { [0.60, 1.00] },
+                position_std_m: if rtk { per_axis(0.010, 0.015) } else { per_axis(0.15, 0.30) },
+                drift_std_m: if rtk { per_axis(0.010, 0.015) } else { per_axis(0.60, 1.00) },
                 drift_time_s: 200.0,
-                velocity_std_m_s: if rtk { [0.03, 0.05] } else { [0.05, 0.08] },
+                velocity_std_m_s: if rtk { per_axis(0.03, 0.05) } else { per_axis(0.05, 0.08) },
             },
-            barometer_m: [0.21, 0.025],
+            barometer: BarometerNoise { noise_std_m: 0.21, random_walk_m_sqrt_s: 0.025 },
             barometer_delay_s: 0.02,
-            altimeter: [0.02, 0.002],
+            altimeter: AltimeterNoise { noise_std_m: 0.02, noise_fraction: 0.002 },
             altimeter_body_m: ALTIMETER_BODY_M,
             altimeter_delay_s: 0.02,
             magnetic_field_ned_t: Some(FIELD_NED_T),
-            magnetometer_t: [2e-7, 5e-7],
+            magnetometer: MagnetometerNoise { noise_std_t: 2e-7, hard_iron_std_t: 5e-7 },
             rest_heading_rad: 0.0,
             rest_ned_m: Vec3::new(0.0, 0.0, -0.741),
             gravity_m_s2: G,
         },
         propellant: PropellantParameters {
-            full: MassPoint {
+            full: MassProperties {
                 mass_kg: 73.40,
                 com_body_m: Vec3::new(0.0, 0.0, -0.4015),
                 inertia_kg_m2: [22.294, 22.294, 2.418],
             },
-            empty: MassPoint {
+            empty: MassProperties {
                 mass_kg: 60.73,
                 com_body_m: Vec3::new(0.0, 0.0, -0.3878),
                 inertia_kg_m2: [20.73, 20.73, 2.367],
@@ -142,7 +155,7 @@ pub fn parameters(mission: Mission, rtk: bool) -> Parameters {
             engine_moment_kg_m: 2.6,
             engine_inertia_kg_m2: 0.7203,
             solver: mpc::Settings::default(),
-            stand_in: mpc::Settings { iterations: 40, tolerance: 1e-6 },
+            fallback_solver: mpc::Settings { iterations: 40, tolerance: 1e-6 },
         },
         planner: lcvx::Settings::FLIGHT,
     }

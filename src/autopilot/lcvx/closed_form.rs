@@ -1,45 +1,46 @@
-//! Motions without a solver: a polynomial of fifth order, and ramps straight down or up.
+//! Plans without a solver: a polynomial of fifth order, and ramps straight down or up.
 
-use super::super::trajectory::Node;
 use super::problem::Problem;
+use crate::autopilot::trajectory::Node;
 use crate::frame::Vec3;
 
 /// Time between nodes (s).
 const STEP_S: f64 = 0.1;
-/// Flight times tried for the polynomial: each longer than the last by this factor, up to a longest (s).
+/// Flight times tried for the polynomial: each longer than the last by this factor, up to the longest (s).
 const QUINTIC_FACTOR: f64 = 1.25;
 const QUINTIC_LONGEST_S: f64 = 120.0;
-/// Height that its nodes may lie under the lower end (m).
+/// Distance that its nodes may lie below the lower end (m).
 const QUINTIC_SAG_M: f64 = 0.1;
 /// Longest ramp (s).
 const RAMP_LONGEST_S: f64 = 300.0;
 /// Greatest acceleration of ramps (m/s²), vertical and lateral.
 const RAMP_VERTICAL_M_S2: f64 = 1.5;
 const RAMP_LATERAL_M_S2: f64 = 1.0;
-/// Share of what engine and tilt give that ramps use, and the least acceleration they try (m/s²).
+/// Share of the acceleration available from engine and tilt that ramps use, and the least they assume (m/s²).
 const RAMP_SHARE: f64 = 0.7;
 const RAMP_LEAST_M_S2: f64 = 0.3;
 /// Time constant with which ramps follow their speeds (s).
 const RAMP_FOLLOW_S: f64 = 0.4;
-/// Speeds downwards (m/s), and the heights (m) from which on they hold.
+/// Greatest speed of ramps (m/s).
 const FAST_M_S: f64 = 5.0;
+/// Speeds downwards (m/s), and the heights (m) below which they apply.
 const SLOW_M_S: f64 = 1.5;
 const SLOW_BELOW_M: f64 = 10.0;
 const TERMINAL_M_S: f64 = 0.8;
 const TERMINAL_BELOW_M: f64 = 1.5;
 
-/// A point to stand at when numbers are missing: the start, or the target, or the origin.
-pub(super) fn somewhere(problem: &Problem) -> Vec3 {
+/// A position to hold when numbers are missing: the start, or the target, or the origin.
+pub(super) fn known_position(problem: &Problem) -> Vec3 {
     let known = |v: &Vec3| v.iter().all(|x| x.is_finite());
     let points = [problem.start.position_ned_m, problem.target.position_ned_m];
     points.into_iter().find(known).unwrap_or_default()
 }
 
-/// The shortest polynomial of fifth order from start to target that keeps thrust band, tilt limit, speed limits
-/// and ground; at the end only the weight is carried.
+/// The shortest polynomial of fifth order from start to target that keeps thrust band, tilt limit, speed
+/// limits and ground; at the end only the weight is carried.
 pub(super) fn quintic(problem: &Problem) -> Option<Vec<Node>> {
-    let way = (problem.target.position_ned_m - problem.start.position_ned_m).norm();
-    let mut time_s = (way / problem.limits.speed_m_s).max(1.0);
+    let distance_m = (problem.target.position_ned_m - problem.start.position_ned_m).norm();
+    let mut time_s = (distance_m / problem.limits.speed_m_s).max(1.0);
     while time_s < QUINTIC_LONGEST_S {
         let nodes = quintic_nodes(problem, time_s);
         if keeps_limits(problem, &nodes) {
@@ -54,7 +55,7 @@ fn quintic_nodes(problem: &Problem, time_s: f64) -> Vec<Node> {
     let (start, target) = (&problem.start, &problem.target);
     let (p0, v0) = (start.position_ned_m, start.velocity_ned_m_s * time_s);
     let a0 = start_acceleration(problem) * (time_s * time_s);
-    // What is left after the start's own parabola, in the time as unit; the end's acceleration is zero.
+    // Differences to the parabola of the start, with the flight time as unit; the end's acceleration is zero.
     let dp = target.position_ned_m - (p0 + v0 + a0 * 0.5);
     let dv = target.velocity_ned_m_s * time_s - (v0 + a0);
     let da = -a0;
@@ -75,9 +76,9 @@ fn quintic_nodes(problem: &Problem, time_s: f64) -> Vec<Node> {
     (0..=count).map(node).collect()
 }
 
-/// Acceleration to begin with (m/s²).
+/// Acceleration at the start (m/s²).
 fn start_acceleration(problem: &Problem) -> Vec3 {
-    problem.pinned_ned_m_s2().map_or(Vec3::zeros(), |u| u + problem.gravity_ned_m_s2())
+    problem.initial_thrust_acceleration_ned_m_s2().map_or(Vec3::zeros(), |u| u + problem.gravity_ned_m_s2())
 }
 
 fn keeps_limits(problem: &Problem, nodes: &[Node]) -> bool {
@@ -105,10 +106,11 @@ fn keeps_limits(problem: &Problem, nodes: &[Node]) -> bool {
     })
 }
 
-/// Sideways motion is braked out; down to the target's height at 5, 1.5 and at last 0.8 m/s, or up to it.
+/// Brakes horizontal motion, and descends to the target's height at 5, 1.5 and at last 0.8 m/s, or climbs to
+/// it.
 ///
-/// Acceleration follows the wanted speed with a time constant, is bounded, and is integrated as a trajectory
-/// is read: linear between nodes.
+/// Acceleration follows the wanted speed with a time constant, is bounded, and is integrated as trajectories
+/// are: linear between nodes.
 pub(super) fn ramps(problem: &Problem) -> Vec<Node> {
     let (start, engine) = (&problem.start, &problem.engine);
     let g = problem.gravity_m_s2;
@@ -140,6 +142,7 @@ pub(super) fn ramps(problem: &Problem) -> Vec<Node> {
     nodes
 }
 
+/// Greatest accelerations of ramps.
 struct Bounds {
     up_m_s2: f64,
     down_m_s2: f64,
@@ -195,7 +198,8 @@ fn sink_m_s(height_m: f64, braking_m_s2: f64) -> f64 {
 /// Speed upwards that stops at the target (m/s), linear near it with a time constant of 1 s.
 fn climb_m_s(below_m: f64, braking_m_s2: f64) -> f64 {
     let braking = RAMP_SHARE * braking_m_s2;
-    let way_m = below_m.abs();
-    let speed = if way_m < braking { way_m } else { (2.0 * braking * (way_m - 0.5 * braking)).sqrt() };
+    let distance_m = below_m.abs();
+    let speed =
+        if distance_m < braking { distance_m } else { (2.0 * braking * (distance_m - 0.5 * braking)).sqrt() };
     speed.min(FAST_M_S).copysign(below_m)
 }

@@ -1,10 +1,10 @@
 //! Second-order cone programs, and the interior-point solver behind them.
 //!
-//! Least q·x subject to A x + s = b, s in a product of cones: zeros, then nonnegative numbers, then second-order
-//! cones. The solver is Clarabel (Goulart and Chen, "Clarabel: An interior-point solver for conic programs with
-//! quadratic objectives", 2024) with its QDLDL factorisation on one thread. Its iterative refinement is off:
-//! the iterates agree and it would cost half of the time. Without a limit in time the answer depends on the
-//! data alone.
+//! Least q·x subject to A x + s = b, s in a product of cones: zeros, then nonnegative numbers, then
+//! second-order cones. The solver is Clarabel (Goulart and Chen, "Clarabel: An interior-point solver for
+//! conic programs with quadratic objectives", 2024) with its QDLDL factorisation on one thread. Its iterative
+//! refinement is off: the iterates agree and it would cost half of the time. Without a limit in time the
+//! answer depends on the data alone.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
@@ -101,38 +101,38 @@ impl Program {
     }
 }
 
-/// When the solver stops.
+/// Stopping rule of the solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// Residuals of constraints and of the dual, relative to the data.
     pub feasibility: f64,
     /// Duality gap, absolute and relative.
     pub gap: f64,
-    /// Iterations after which it gives up.
+    /// Greatest number of iterations.
     pub iterations_max: u32,
 }
 
-/// How a solve ended.
+/// Exit status of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// Optimal to the accuracy asked for.
     Solved,
     /// Certified: no point satisfies the constraints.
     Infeasible,
-    /// Gave up after the greatest number of iterations.
+    /// Stopped at the greatest number of iterations.
     IterationLimit,
     /// Anything else: no progress, numbers that are not finite.
     Failed,
 }
 
-/// Answer of the solver; the vectors mean something when it is solved.
+/// Solution of a program; the vectors are valid if it is solved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// How it ended.
+    /// Exit status.
     pub status: Status,
     /// Iterations taken.
     pub iterations: u32,
-    /// Cost of the answer.
+    /// Cost at the solution.
     pub cost: f64,
     /// Variables.
     pub x: Vec<f64>,
@@ -147,19 +147,19 @@ pub fn solve(program: &Program, accuracy: Accuracy) -> Solution {
     Solver::new(accuracy).solve(program)
 }
 
-/// A solver that is kept over programs of one pattern: ordering and memory are made once.
+/// A solver for programs of one sparsity pattern: ordering and memory are set up once.
 pub struct Solver {
     accuracy: Accuracy,
-    kept: Option<DefaultSolver<f64>>,
+    solver: Option<DefaultSolver<f64>>,
 }
 
 impl Solver {
-    /// Without a program yet.
+    /// Not set up yet.
     pub fn new(accuracy: Accuracy) -> Self {
-        Self { accuracy, kept: None }
+        Self { accuracy, solver: None }
     }
 
-    /// Solves; a program whose matrix has another pattern than the last one is set up anew.
+    /// Solves a program. A new sparsity pattern sets the solver up again.
     pub fn solve(&mut self, program: &Program) -> Solution {
         let nothing = Vec::new;
         let failed = Solution {
@@ -173,13 +173,13 @@ impl Solver {
         if !program.is_finite() {
             return failed;
         }
-        if !self.kept.as_mut().is_some_and(|kept| update(kept, program)) {
-            self.kept = set_up(program, self.accuracy);
+        if !self.solver.as_mut().is_some_and(|solver| update(solver, program)) {
+            self.solver = set_up(program, self.accuracy);
         }
-        let Some(solver) = &mut self.kept else { return failed };
+        let Some(solver) = &mut self.solver else { return failed };
         solver.solve();
-        let answer = &solver.solution;
-        let status = match answer.status {
+        let found = &solver.solution;
+        let status = match found.status {
             SolverStatus::Solved => Status::Solved,
             SolverStatus::PrimalInfeasible => Status::Infeasible,
             SolverStatus::MaxIterations => Status::IterationLimit,
@@ -187,11 +187,11 @@ impl Solver {
         };
         Solution {
             status,
-            iterations: answer.iterations,
-            cost: answer.obj_val,
-            x: answer.x.clone(),
-            s: answer.s.clone(),
-            z: answer.z.clone(),
+            iterations: found.iterations,
+            cost: found.obj_val,
+            x: found.x.clone(),
+            s: found.s.clone(),
+            z: found.z.clone(),
         }
     }
 }
@@ -223,7 +223,7 @@ fn set_up(program: &Program, accuracy: Accuracy) -> Option<DefaultSolver<f64>> {
     .ok()
 }
 
-/// Puts new numbers into the same pattern; false if it is another one.
+/// Replaces the numbers of a program; false if the sparsity pattern is another one.
 fn update(solver: &mut DefaultSolver<f64>, program: &Program) -> bool {
     let same = solver.data.A.colptr == program.column_starts && solver.data.A.rowval == program.rows;
     same && solver.update_q(&program.cost).is_ok()

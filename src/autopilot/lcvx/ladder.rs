@@ -1,20 +1,21 @@
-//! The ladder: what is flown when the optimum is not there, rung by rung down to one that always is.
+//! The ladder: the optimal plan or, if there is none, the next best, down to one that always exists.
 
-use super::super::trajectory::{Node, Trajectory};
-use super::flight_time::{Search, dash_s, flown_s, least_s};
-use super::gate::{Passed, Rejection};
-use super::problem::{GlideSlope, Limits, Problem};
+use super::closed_form;
+use super::flight_time::{Effort, Search, least_s, lower_bound_s, planned_s};
+use super::plan::{Plan, PlanRequest, Rung, Settings};
+use super::problem::{GlideSlope, Limits, Problem, Refusal};
 use super::transcription::{Motion, Objective};
-use super::{Effort, Plan, PlanRequest, Refusal, Rung, Settings, closed_form, solve};
+use super::verification::{Quality, Rejection, solve};
+use crate::autopilot::trajectory::{Node, Trajectory};
 
-/// Glide slope of the lower rungs: nearly along the ground, and a metre of it.
+/// Glide slope of the lower rungs: 10 deg above the ground, its apex a metre below the target.
 const WIDE_GLIDE_SLOPE: GlideSlope = GlideSlope { angle_rad: 0.17, offset_m: 1.0 };
-/// The motion under way is kept up to this age (s).
+/// The previous plan is flown on up to this age (s),
 const PREVIOUS_AGE_MAX_S: f64 = 3.0;
-/// And while position (m), velocity (m/s) and target (m) lie this close to it.
+/// and while position (m), velocity (m/s) and target (m) lie this close to it.
 const TUBE_M: f64 = 1.0;
 const TUBE_M_S: f64 = 1.0;
-/// Flight times tried for the least landing error, over the time of a dash to the target.
+/// Flight times tried for the least landing error, as multiples of the lower bound to the target.
 const LANDING_ERROR_SHARES: [f64; 3] = [1.2, 1.5, 2.0];
 
 /// Plans a flight. Pure: the same arguments give the same bits. No argument makes it panic or return NaN.
@@ -30,49 +31,49 @@ pub fn plan(request: &PlanRequest, settings: &Settings) -> Plan {
         rejection: None,
     };
     if let Some(best) = ladder.least_fuel(problem) {
-        return ladder.optimal(Rung::Optimal, best);
+        return ladder.optimal_plan(Rung::Optimal, best);
     }
-    if let Some(previous) = kept(request) {
-        return ladder.plan(Rung::Previous, previous);
+    if let Some(previous) = usable_previous(request) {
+        return ladder.finish(Rung::Previous, previous);
     }
     let mut wide = *problem;
     if problem.limits.glide_slope.is_some() {
         wide.limits = Limits { glide_slope: Some(WIDE_GLIDE_SLOPE), ..problem.limits };
         if let Some(best) = ladder.least_fuel(&wide) {
-            return ladder.optimal(Rung::WideGlideSlope, best);
+            return ladder.optimal_plan(Rung::WideGlideSlope, best);
         }
     }
     if let Some(best) = ladder.least_landing_error(&wide) {
-        return ladder.optimal(Rung::LandingError, best);
+        return ladder.optimal_plan(Rung::LandingError, best);
     }
     if problem.out_of_range().is_some() {
-        let at = closed_form::somewhere(problem);
-        return ladder.plan(Rung::Hold, Trajectory::hold(request.start, at, heading_rad));
+        let at = closed_form::known_position(problem);
+        return ladder.finish(Rung::Hold, Trajectory::hold(request.start, at, heading_rad));
     }
     let (rung, nodes) = match closed_form::quintic(problem) {
         Some(nodes) => (Rung::Quintic, nodes),
         None => (Rung::Ramp, closed_form::ramps(problem)),
     };
-    ladder.plan(rung, Trajectory::new(request.start, heading_rad, nodes))
+    ladder.finish(rung, Trajectory::new(request.start, heading_rad, nodes))
 }
 
-/// The motion under way, if it is young and the vehicle still on it.
-fn kept(request: &PlanRequest) -> Option<Trajectory> {
+/// The previous plan, if it is recent, leads to the target and the vehicle is still close to it.
+fn usable_previous(request: &PlanRequest) -> Option<Trajectory> {
     let previous = request.previous.as_ref()?;
     let off_target = previous.last().position_ned_m - request.problem.target.position_ned_m;
     let age_s = request.start.since(previous.start()).s();
     let (now, start) = (previous.after(age_s), &request.problem.start);
     let off_m = (now.position_ned_m - start.position_ned_m).norm();
     let off_m_s = (now.velocity_ned_m_s - start.velocity_ned_m_s).norm();
-    let goes_there = age_s < previous.duration_s() && off_target.norm() <= TUBE_M;
+    let leads_to_target = age_s < previous.duration_s() && off_target.norm() <= TUBE_M;
     let is_close = age_s <= PREVIOUS_AGE_MAX_S && off_m <= TUBE_M && off_m_s <= TUBE_M_S;
-    (goes_there && is_close).then(|| previous.clone())
+    (leads_to_target && is_close).then(|| previous.clone())
 }
 
-/// An answer that passed the gate.
-struct Best {
+/// An accepted solution.
+struct Candidate {
     motion: Motion,
-    passed: Passed,
+    quality: Quality,
     least_time_s: f64,
     cost: f64,
 }
@@ -87,21 +88,21 @@ struct Ladder<'a> {
 }
 
 impl Ladder<'_> {
-    fn least_fuel(&mut self, problem: &Problem) -> Option<Best> {
+    fn least_fuel(&mut self, problem: &Problem) -> Option<Candidate> {
         let least_s = self.least_s(problem, Objective::Fuel)?;
         self.best(problem, Objective::Fuel, least_s, self.settings.flight_time_share)
     }
 
-    /// The best of a few flight times: how long it pays to fly is not known before.
-    fn least_landing_error(&mut self, problem: &Problem) -> Option<Best> {
+    /// The best of a few flight times: the one of least landing error is not known beforehand.
+    fn least_landing_error(&mut self, problem: &Problem) -> Option<Candidate> {
         let least_s = self.least_s(problem, Objective::LandingError)?;
-        let dash_s = dash_s(problem, Objective::Fuel).max(least_s);
-        let soon = self.best(problem, Objective::LandingError, least_s, self.settings.flight_time_share);
-        let late = LANDING_ERROR_SHARES.map(|share| {
-            let share = share * dash_s / least_s;
+        let bound_s = lower_bound_s(problem, Objective::Fuel).max(least_s);
+        let shortest = self.best(problem, Objective::LandingError, least_s, self.settings.flight_time_share);
+        let longer = LANDING_ERROR_SHARES.map(|share| {
+            let share = share * bound_s / least_s;
             self.best(problem, Objective::LandingError, least_s, share)
         });
-        let all = late.into_iter().chain([soon]);
+        let all = longer.into_iter().chain([shortest]);
         all.flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
@@ -124,14 +125,14 @@ impl Ladder<'_> {
         objective: Objective,
         least_time_s: f64,
         share: f64,
-    ) -> Option<Best> {
-        let flight_time_s = flown_s(problem, least_time_s, share);
+    ) -> Option<Candidate> {
+        let flight_time_s = planned_s(problem, least_time_s, share);
         let answer = solve(problem, objective, flight_time_s, self.settings.accuracy());
         self.effort.solves += 1;
         self.effort.iterations += answer.solution.iterations;
         let cost = answer.solution.cost;
         match answer.verdict {
-            Ok(passed) => Some(Best { motion: answer.motion?, passed, least_time_s, cost }),
+            Ok(quality) => Some(Candidate { motion: answer.motion?, quality, least_time_s, cost }),
             Err(rejection) => {
                 self.rejection = self.rejection.or(Some(rejection));
                 None
@@ -139,26 +140,26 @@ impl Ladder<'_> {
         }
     }
 
-    fn optimal(self, rung: Rung, best: Best) -> Plan {
+    fn optimal_plan(self, rung: Rung, best: Candidate) -> Plan {
         let nodes = nodes(self.request, &best.motion);
         let trajectory = Trajectory::new(self.request.start, self.heading_rad, nodes);
         Plan {
             least_time_s: Some(best.least_time_s),
             fuel_kg: Some(best.motion.fuel_kg()),
-            passed: Some(best.passed),
-            ..self.plan(rung, trajectory)
+            quality: Some(best.quality),
+            ..self.finish(rung, trajectory)
         }
     }
 
-    fn plan(self, rung: Rung, trajectory: Trajectory) -> Plan {
-        let gone_s = self.request.start.since(trajectory.start()).s();
+    fn finish(self, rung: Rung, trajectory: Trajectory) -> Plan {
+        let elapsed_s = self.request.start.since(trajectory.start()).s();
         Plan {
-            flight_time_s: trajectory.duration_s() - gone_s,
+            flight_time_s: trajectory.duration_s() - elapsed_s,
             trajectory,
             rung,
             least_time_s: None,
             fuel_kg: None,
-            passed: None,
+            quality: None,
             effort: self.effort,
             refusal: self.refusal,
             rejection: self.rejection,

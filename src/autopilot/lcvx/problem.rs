@@ -1,4 +1,4 @@
-//! What is to be flown, and within which limits: the data of one planning problem.
+//! The data of one planning problem: start, target, engine and limits.
 
 use crate::frame::Vec3;
 
@@ -9,14 +9,14 @@ pub struct Start {
     pub position_ned_m: Vec3,
     /// Velocity (m/s).
     pub velocity_ned_m_s: Vec3,
-    /// Thrust per mass that the plan has to begin with (m/s²), drawn into the thrust band and the tilt limit.
-    /// `None` leaves it open.
+    /// Thrust per mass at the start of the plan (m/s²), moved inside the thrust band and the tilt limit.
+    /// `None`: free.
     pub thrust_acceleration_ned_m_s2: Option<Vec3>,
     /// Mass (kg).
     pub mass_kg: f64,
 }
 
-/// Where the motion ends; thrust is vertical there.
+/// End of the motion; thrust is vertical there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// Position of the pivot (m).
@@ -25,7 +25,7 @@ pub struct Target {
     pub velocity_ned_m_s: Vec3,
 }
 
-/// The engine as guidance sees it.
+/// The engine as guidance models it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Engine {
     /// Lower end of the thrust band (N).
@@ -34,7 +34,7 @@ pub struct Engine {
     pub thrust_max_n: f64,
     /// Mass flow per thrust, one over the exhaust velocity (s/m).
     pub mass_flow_per_thrust_s_m: f64,
-    /// Mass below which nothing may be planned (kg).
+    /// Least mass at the end of a plan (kg).
     pub dry_mass_kg: f64,
 }
 
@@ -47,7 +47,7 @@ pub struct GlideSlope {
     pub offset_m: f64,
 }
 
-/// Limits of the motion. They bind between the ends, which are given.
+/// Limits of the motion between its ends, which are given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Greatest angle between thrust and the vertical (rad).
@@ -65,13 +65,13 @@ pub struct Limits {
 /// One planning problem: point mass, thrust vector, constant exhaust velocity, uniform gravity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Problem {
-    /// Where it begins.
+    /// Motion and mass at the start.
     pub start: Start,
-    /// Where it ends.
+    /// Motion at the end.
     pub target: Target,
-    /// What drives it.
+    /// Thrust and mass flow.
     pub engine: Engine,
-    /// What it keeps to.
+    /// Limits of the motion.
     pub limits: Limits,
     /// Gravity, along +z (m/s²).
     pub gravity_m_s2: f64,
@@ -79,14 +79,14 @@ pub struct Problem {
     pub nodes: usize,
 }
 
-/// Largest share of the final weight that the thrust's lower end may be. Above the weight the relaxed lower
-/// bound of thrust is no longer met by the optimum: it idles above the thrust that it commands.
+/// Greatest least thrust as a share of the final weight. With a least thrust above the weight the relaxation
+/// is not tight: the optimum burns more than its thrust needs.
 pub const THRUST_FLOOR_SHARE: f64 = 0.85;
 
 /// Why a problem is not put to the solver.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// A number is missing, or nothing that is meant here.
+    /// A number is not finite, or absurdly large.
     #[error("{0} is no number, or beyond a million")]
     NotFinite(&'static str),
     /// A number is out of its range.
@@ -101,7 +101,7 @@ pub enum Refusal {
         /// Greatest value.
         high: f64,
     },
-    /// Nothing is left to burn.
+    /// No propellant is left.
     #[error("mass {mass_kg} kg is not above the dry {dry_mass_kg} kg")]
     Propellant {
         /// Mass at the start (kg).
@@ -111,7 +111,8 @@ pub enum Refusal {
     },
     /// The engine cannot throttle deep enough below the weight.
     #[error(
-        "least thrust {thrust_min_n} N exceeds {limit_n} N, {THRUST_FLOOR_SHARE} of the weight at {mass_kg} kg"
+        "least thrust {thrust_min_n} N exceeds {limit_n} N, \
+         {THRUST_FLOOR_SHARE} of the weight at {mass_kg} kg"
     )]
     ThrustFloor {
         /// Lower end of the band (N).
@@ -184,19 +185,20 @@ impl Problem {
         Vec3::new(0.0, 0.0, self.gravity_m_s2)
     }
 
-    /// The thrust per mass to begin with, drawn into what engine and tilt limit allow (m/s²).
-    pub(super) fn pinned_ned_m_s2(&self) -> Option<Vec3> {
+    /// Thrust per mass at the start, if given, moved inside the thrust band and the tilt limit (m/s²).
+    pub(super) fn initial_thrust_acceleration_ned_m_s2(&self) -> Option<Vec3> {
         let wanted = self.start.thrust_acceleration_ned_m_s2?;
         let (low, high) = (self.engine.thrust_min_n, self.engine.thrust_max_n);
-        let inside = PIN_MARGIN * (high - low);
+        let inside = INITIAL_THRUST_MARGIN * (high - low);
         let size = (wanted.norm() * self.start.mass_kg).clamp(low + inside, high - inside);
         let size_m_s2 = size / self.start.mass_kg;
         let lateral = libm::hypot(wanted.x, wanted.y);
-        let tilt_rad = libm::atan2(lateral, -wanted.z).min((1.0 - PIN_MARGIN) * self.limits.tilt_rad);
+        let tilt_rad =
+            libm::atan2(lateral, -wanted.z).min((1.0 - INITIAL_THRUST_MARGIN) * self.limits.tilt_rad);
         let along = if lateral > 0.0 { size_m_s2 * libm::sin(tilt_rad) / lateral } else { 0.0 };
         Some(Vec3::new(wanted.x * along, wanted.y * along, -size_m_s2 * libm::cos(tilt_rad)))
     }
 }
 
-/// A pinned thrust lies this share inside its limits: on them the solver would have no interior.
-const PIN_MARGIN: f64 = 0.01;
+/// A given initial thrust lies this share inside its limits: on them the solver would have no interior.
+const INITIAL_THRUST_MARGIN: f64 = 0.01;

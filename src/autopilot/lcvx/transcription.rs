@@ -1,7 +1,7 @@
 //! The planning problem over a given flight time as a second-order cone program, and its answer as a motion.
 //!
-//! Variables of node k, all in units of 10 m, seconds and the logarithm of mass: position r, velocity v,
-//! w = ln(m/m₀), thrust per mass u, and σ ≥ |u|, in which the mass flow is linear: w' = -α σ. Thrust per mass is
+//! Variables of node k, all in units of 10 m, seconds and the logarithm of mass: position r, velocity v, w =
+//! ln(m/m₀), thrust per mass u, and σ ≥ |u|, in which the mass flow is linear: w' = -α σ. Thrust per mass is
 //! linear between nodes, so that the double integrator is discretised without error:
 //!
 //! ```text
@@ -18,9 +18,9 @@
 //! lies inside the band, since 1 - d ≤ e^(-d) ≤ 1 - d + d²/2 for d ≥ 0. Tilt is -u_z ≥ σ cos θ.
 //!
 //! Sources: Açıkmeşe and Ploen, "Convex Programming Approach to Powered Descent Guidance for Mars Landing",
-//! J. Guidance 30-5, 2007, Eqs 29 to 37 (relaxation, logarithm of mass, bounds); Blackmore, Açıkmeşe and Scharf,
-//! "Minimum-Landing-Error Powered-Descent Guidance", J. Guidance 33-4, 2010 (landing error, glide slope).
-//! At the optimum σ = |u| under the conditions proven there; [`super::gate`] checks it.
+//! J. Guidance 30-5, 2007, Eqs 29 to 37 (relaxation, logarithm of mass, bounds); Blackmore, Açıkmeşe and
+//! Scharf, "Minimum-Landing-Error Powered-Descent Guidance", J. Guidance 33-4, 2010 (landing error, glide
+//! slope). At the optimum σ = |u| under the conditions proven there; [`super::verification`] checks it.
 
 use super::conic::{Program, Rows};
 use super::problem::Problem;
@@ -28,13 +28,13 @@ use crate::frame::Vec3;
 
 /// Unit of length in the program (m).
 const LENGTH_M: f64 = 10.0;
-/// Cost of landing beside the target, in (m/s) of thrust per mass for every metre.
+/// Cost of the landing error, in (m/s) of thrust per mass for every metre.
 const LANDING_ERROR_COST_1_S: f64 = 1e3;
 
-/// The start may lie this far outside its limits of place (m): what is flown is known with an error.
-const START_OUTSIDE_M: f64 = 0.5;
+/// The start may lie this far outside the position limits (m): the estimated position has an error.
+const START_TOLERANCE_M: f64 = 0.5;
 
-/// What is least at the optimum.
+/// The quantity to minimise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Objective {
     /// ∫ σ dt, which is the logarithm of the mass ratio: fuel.
@@ -61,14 +61,14 @@ pub fn program(problem: &Problem, objective: Objective, flight_time_s: f64) -> P
             transcription.speed_limits(node, &mut inequalities, &mut conic, &mut cones);
         }
         if node + 1 < problem.nodes {
-            transcription.place_limits(node, &mut inequalities, &mut conic, &mut cones);
+            transcription.position_limits(node, &mut inequalities, &mut conic, &mut cones);
         }
     }
     if objective == Objective::LandingError {
-        let beside = transcription.beside();
-        conic.push(&[(beside + 2, -1.0)], 0.0);
-        conic.push(&[(beside, -1.0)], 0.0);
-        conic.push(&[(beside + 1, -1.0)], 0.0);
+        let error = transcription.landing_error_column();
+        conic.push(&[(error + 2, -1.0)], 0.0);
+        conic.push(&[(error, -1.0)], 0.0);
+        conic.push(&[(error + 1, -1.0)], 0.0);
         cones.push(3);
     }
     Program::new(transcription.cost(), transcription.equalities(), inequalities, conic, cones)
@@ -85,14 +85,14 @@ impl<'a> Transcription<'a> {
         Self { problem, objective, step_s: flight_time_s / (problem.nodes - 1) as f64 }
     }
 
-    /// Where the variables of the landing error stand: north, east, and what bounds their length.
-    fn beside(&self) -> usize {
+    /// First of the three variables of the landing error: north, east, and the bound of their length.
+    fn landing_error_column(&self) -> usize {
         SIZE * self.problem.nodes
     }
 
     fn cost(&self) -> Vec<f64> {
         let last = self.problem.nodes - 1;
-        let mut cost = vec![0.0; self.beside()];
+        let mut cost = vec![0.0; self.landing_error_column()];
         for node in 0..=last {
             let share = if node == 0 || node == last { 0.5 } else { 1.0 };
             cost[SIZE * node + SIGMA] = share * self.step_s;
@@ -112,7 +112,7 @@ impl<'a> Transcription<'a> {
             rows.push(&[(V + axis, 1.0)], start.velocity_ned_m_s[axis] / LENGTH_M);
         }
         rows.push(&[(W, 1.0)], 0.0);
-        if let Some(u) = problem.pinned_ned_m_s2() {
+        if let Some(u) = problem.initial_thrust_acceleration_ned_m_s2() {
             for axis in 0..3 {
                 rows.push(&[(U + axis, 1.0)], u[axis] / LENGTH_M);
             }
@@ -137,7 +137,7 @@ impl<'a> Transcription<'a> {
         for axis in 0..3 {
             let place = target.position_ned_m[axis] / LENGTH_M;
             if self.objective == Objective::LandingError && axis < 2 {
-                rows.push(&[(last + R + axis, 1.0), (self.beside() + axis, -1.0)], place);
+                rows.push(&[(last + R + axis, 1.0), (self.landing_error_column() + axis, -1.0)], place);
             } else {
                 rows.push(&[(last + R + axis, 1.0)], place);
             }
@@ -193,11 +193,11 @@ impl<'a> Transcription<'a> {
         cones.push(4);
     }
 
-    /// Glide slope, or the lower end's height. The start may lie a little outside.
-    fn place_limits(&self, node: usize, linear: &mut Rows, conic: &mut Rows, cones: &mut Vec<usize>) {
+    /// Glide slope, or the height of the lower end. The start may lie [`START_TOLERANCE_M`] outside.
+    fn position_limits(&self, node: usize, linear: &mut Rows, conic: &mut Rows, cones: &mut Vec<usize>) {
         let (problem, at) = (self.problem, SIZE * node);
         let target = problem.target.position_ned_m / LENGTH_M;
-        let spare = if node == 0 { START_OUTSIDE_M / LENGTH_M } else { 0.0 };
+        let spare = if node == 0 { START_TOLERANCE_M / LENGTH_M } else { 0.0 };
         let Some(glide) = problem.limits.glide_slope else {
             let lowest = target.z.max(problem.start.position_ned_m.z / LENGTH_M);
             linear.push(&[(at + R + 2, 1.0)], lowest + spare);
@@ -208,7 +208,8 @@ impl<'a> Transcription<'a> {
         conic.push(&[(at + R + 2, slope)], slope * (target.z + glide.offset_m / LENGTH_M) + spare);
         for axis in 0..2 {
             if self.objective == Objective::LandingError {
-                conic.push(&[(at + R + axis, -1.0), (self.beside() + axis, 1.0)], -target[axis]);
+                conic
+                    .push(&[(at + R + axis, -1.0), (self.landing_error_column() + axis, 1.0)], -target[axis]);
             } else {
                 conic.push(&[(at + R + axis, -1.0)], -target[axis]);
             }
@@ -228,15 +229,15 @@ pub struct Motion {
     pub velocity_ned_m_s: Vec<Vec3>,
     /// Thrust per mass u (m/s²).
     pub thrust_acceleration_ned_m_s2: Vec<Vec3>,
-    /// Its bound σ, which the mass flow follows (m/s²).
+    /// Bound σ of its length, proportional to the mass flow per mass (m/s²).
     pub bound_m_s2: Vec<f64>,
     /// Mass (kg).
     pub mass_kg: Vec<f64>,
 }
 
 impl Motion {
-    /// From the variables of a program. Only u and σ are taken; the rest is rolled out from the start, so that
-    /// the solver's residual does not stand between the nodes.
+    /// From the variables of a program. Only u and σ are taken; the rest is rolled out from the start, so
+    /// that the solver's residual does not stand between the nodes.
     pub fn new(problem: &Problem, flight_time_s: f64, x: &[f64]) -> Self {
         let h = flight_time_s / (problem.nodes - 1) as f64;
         let node = |k: usize| &x[SIZE * k..SIZE * (k + 1)];

@@ -1,8 +1,8 @@
-//! Interior-point method that keeps the stages of the program: a few microseconds a stage.
+//! Interior-point method that exploits the stages of the program: a few microseconds a stage.
 //!
 //! Primal-dual with Mehrotra's predictor and corrector. Inequalities are a z + t = b with slack t > 0 and
-//! multiplier λ > 0; Newton's step of their products leaves a program without inequalities whose weights carry
-//! λ/t, and that is a Riccati recursion ([`super::riccati`]), factorised once an iteration and swept
+//! multiplier λ > 0; Newton's step of their products leaves a program without inequalities whose weights
+//! carry λ/t, and that is a Riccati recursion ([`super::riccati`]), factorised once an iteration and swept
 //! twice. The states follow the inputs exactly at every iterate, so that dynamics leave no residual. The
 //! slack of a tilt limit is eliminated in closed form before the recursion.
 //!
@@ -10,27 +10,13 @@
 //! 1992; C. Rao, S. Wright, J. Rawlings, Application of interior-point methods to model predictive
 //! control, JOTA 99(3), 1998; starting point and step rules after G. Frison and M. Diehl, HPIPM, IFAC 2020.
 
-use super::problem::{INPUTS, InputLimits, MAX_STAGES, Problem, STATES, Solution, Status, TILT};
-use super::riccati::{Columns, InputSlope, Policy, Row, Slope, StageCost, Value, input_gradient};
-
-/// When to stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Greatest number of iterations.
-    pub iterations: usize,
-    /// Allowed violation of constraints, gradient of the Lagrangian, and slack times multiplier.
-    pub tolerance: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { iterations: 15, tolerance: 1e-6 }
-    }
-}
+use super::model::{INPUTS, STATES, StageCost};
+use super::problem::{InputLimits, MAX_STAGES, Problem, Settings, Solution, Status, TILT};
+use super::riccati::{InputGradient, Policy, Row, SparseModel, ValueFunction, ValueGradient, input_gradient};
 
 /// Inequalities of one stage: limits of its input and of its change, tilt limits of the state it leads to.
-const PAIRS: usize = 4 * INPUTS + 6;
-// Where each kind begins.
+const INEQUALITIES: usize = 4 * INPUTS + 6;
+// First index of each kind.
 const INPUT_LOW: usize = 0;
 const INPUT_HIGH: usize = INPUTS;
 const CHANGE_LOW: usize = 2 * INPUTS;
@@ -38,19 +24,19 @@ const CHANGE_HIGH: usize = 3 * INPUTS;
 const TILT_HIGH: usize = 4 * INPUTS;
 const TILT_LOW: usize = TILT_HIGH + 2;
 const SLACK: usize = TILT_LOW + 2;
-/// Distance from the limits at the start: of the inputs, and of the slack of tilt from zero.
+/// Distance at the start: of the inputs from their limits, and of the tilt slack from zero.
 const MARGIN: f64 = 0.1;
-/// Least slack at the start. Wide, since a point close to a limit has a long way to any other; inputs need not
-/// keep their limits on the way.
+/// Least slack at the start. Wide, since a point close to a limit has a long way to any other; inputs need
+/// not keep their limits on the way.
 const START_SLACK: f64 = 1.0;
-/// Slack times multiplier at the start: at least so much, and this share of the gradient that multipliers will have
-/// to balance. Too small a product leaves them too short, and every step of theirs ends at a limit.
+/// Slack times multiplier at the start: at least so much, and this share of the gradient that multipliers
+/// will have to balance. Too small a product leaves them too short, and every step of theirs ends at a limit.
 const START_PRODUCT: f64 = 10.0;
 const START_SHARE: f64 = 0.03;
-/// Share of the step to the boundary.
-const SHARE: f64 = 0.998;
+/// Share of the step to the boundary that is taken.
+const STEP_SHARE: f64 = 0.998;
 
-type Pairs = [f64; PAIRS];
+type PerInequality = [f64; INEQUALITIES];
 
 /// A point, or a step from one, at one stage: its input, the state it leads to, the slack of that state.
 #[derive(Clone, Debug)]
@@ -68,68 +54,68 @@ impl Default for Point {
 
 /// One stage of the iteration.
 #[derive(Clone, Debug)]
-struct Work {
-    columns: Columns,
+struct StageWork {
+    columns: SparseModel,
     policy: Policy,
     at: Point,
     step: Point,
     /// Gradient of the costs at the iterate, in the state at the beginning of the stage.
     state_gradient: Row,
     /// In input and change.
-    gradient: InputSlope,
+    gradient: InputGradient,
     /// Weights of the factorised program.
     weight: StageCost,
-    bound: Pairs,
-    slack: Pairs,
-    multiplier: Pairs,
-    residual: Pairs,
-    reciprocal: Pairs,
-    target: Pairs,
-    slack_step: Pairs,
-    multiplier_step: Pairs,
-    /// Of the tilt slack in the factorised program: reciprocal of its weight, and its change with the tilt.
+    bound: PerInequality,
+    slack: PerInequality,
+    multiplier: PerInequality,
+    residual: PerInequality,
+    reciprocal: PerInequality,
+    target: PerInequality,
+    slack_step: PerInequality,
+    multiplier_step: PerInequality,
+    /// Of the tilt slack in the factorised program: reciprocal of its weight, and its derivative in the tilt.
     flexibility: [f64; 2],
     coupling: [f64; 2],
 }
 
-impl Default for Work {
+impl Default for StageWork {
     fn default() -> Self {
         Self {
-            columns: Columns::default(),
+            columns: SparseModel::default(),
             policy: Policy::default(),
             at: Point::default(),
             step: Point::default(),
             state_gradient: Row::default(),
-            gradient: InputSlope::default(),
+            gradient: InputGradient::default(),
             weight: StageCost::default(),
-            bound: [0.0; PAIRS],
-            slack: [0.0; PAIRS],
-            multiplier: [0.0; PAIRS],
-            residual: [0.0; PAIRS],
-            reciprocal: [0.0; PAIRS],
-            target: [0.0; PAIRS],
-            slack_step: [0.0; PAIRS],
-            multiplier_step: [0.0; PAIRS],
+            bound: [0.0; INEQUALITIES],
+            slack: [0.0; INEQUALITIES],
+            multiplier: [0.0; INEQUALITIES],
+            residual: [0.0; INEQUALITIES],
+            reciprocal: [0.0; INEQUALITIES],
+            target: [0.0; INEQUALITIES],
+            slack_step: [0.0; INEQUALITIES],
+            multiplier_step: [0.0; INEQUALITIES],
             flexibility: [0.0; 2],
             coupling: [0.0; 2],
         }
     }
 }
 
-/// Memory of a solve (about 300 kB), allocated once. Nothing in it outlives a solve.
+/// Memory of a solve (about 300 kB), allocated once. It carries nothing from one solve to the next.
 #[derive(Clone, Debug)]
 pub struct Workspace {
-    work: Vec<Work>,
+    work: Vec<StageWork>,
     limits: InputLimits,
 }
 
 impl Default for Workspace {
     fn default() -> Self {
-        Self { work: vec![Work::default(); MAX_STAGES], limits: InputLimits::default() }
+        Self { work: vec![StageWork::default(); MAX_STAGES], limits: InputLimits::default() }
     }
 }
 
-/// Where the iteration stands.
+/// Residuals of an iterate.
 #[derive(Clone, Copy, Debug)]
 struct Residuals {
     primal: f64,
@@ -139,7 +125,7 @@ struct Residuals {
     mean: f64,
 }
 
-/// Solves a program from a cold start; the answer depends on nothing but the arguments.
+/// Solves a program from a cold start; the solution depends on nothing but the arguments.
 pub fn solve(
     problem: &Problem,
     settings: &Settings,
@@ -153,7 +139,7 @@ pub fn solve(
     problem.consistent_limits(&mut workspace.limits);
     let limits = &workspace.limits;
     let work = &mut workspace.work[..problem.length];
-    start(problem, limits, work);
+    initialise(problem, limits, work);
     let status = loop {
         let now = residuals(problem, limits, work);
         (solution.primal_residual, solution.dual_residual, solution.gap) = (now.primal, now.dual, now.gap);
@@ -173,7 +159,7 @@ pub fn solve(
             return Status::NumericalFailure;
         }
     };
-    answer(problem, limits, work, solution);
+    write_solution(problem, limits, work, solution);
     let finite = |x: &[f64]| x.iter().all(|x| x.is_finite());
     if finite(solution.inputs.as_flattened()) && finite(solution.states.as_flattened()) {
         solution.status = status;
@@ -181,8 +167,8 @@ pub fn solve(
     solution.status
 }
 
-/// A point inside the limits, every product of slack and multiplier alike.
-fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
+/// Sets a point inside the limits, with equal products of slack and multiplier.
+fn initialise(problem: &Problem, limits: &InputLimits, work: &mut [StageWork]) {
     let mut input = limits.previous_input;
     let mut state = Row::default();
     state[..STATES].copy_from_slice(&problem.initial_state);
@@ -212,16 +198,16 @@ fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
     }
     let mut previous = limits.previous_input;
     for w in work.iter_mut() {
-        let left = rows(&w.at, &previous);
-        for i in 0..PAIRS {
+        let left = left_sides(&w.at, &previous);
+        for i in 0..INEQUALITIES {
             w.slack[i] = (w.bound[i] - left[i]).max(START_SLACK);
         }
-        w.multiplier = [0.0; PAIRS];
+        w.multiplier = [0.0; INEQUALITIES];
         previous = w.at.input;
     }
     let product = START_PRODUCT.max(START_SHARE * residuals(problem, limits, work).dual);
     for w in work {
-        for i in 0..PAIRS {
+        for i in 0..INEQUALITIES {
             w.multiplier[i] = product / w.slack[i];
         }
     }
@@ -229,8 +215,8 @@ fn start(problem: &Problem, limits: &InputLimits, work: &mut [Work]) {
 
 /// Left sides a z of the inequalities.
 #[inline(always)]
-fn rows(point: &Point, previous: &[f64; INPUTS]) -> Pairs {
-    let mut left = [0.0; PAIRS];
+fn left_sides(point: &Point, previous: &[f64; INPUTS]) -> PerInequality {
+    let mut left = [0.0; INEQUALITIES];
     for j in 0..INPUTS {
         let change = point.input[j] - previous[j];
         left[INPUT_LOW + j] = -point.input[j];
@@ -249,8 +235,8 @@ fn rows(point: &Point, previous: &[f64; INPUTS]) -> Pairs {
 
 /// Gradient in input and change with the multipliers' aᵀ m.
 #[inline(always)]
-fn with_multipliers(gradient: &InputSlope, m: &Pairs) -> InputSlope {
-    let mut sum = InputSlope::default();
+fn with_multipliers(gradient: &InputGradient, m: &PerInequality) -> InputGradient {
+    let mut sum = InputGradient::default();
     for j in 0..INPUTS {
         sum.input[j] = gradient.input[j] + m[INPUT_HIGH + j] - m[INPUT_LOW + j];
         sum.change[j] = gradient.change[j] + m[CHANGE_HIGH + j] - m[CHANGE_LOW + j];
@@ -259,14 +245,14 @@ fn with_multipliers(gradient: &InputSlope, m: &Pairs) -> InputSlope {
 }
 
 /// Gradients and residuals at the iterate.
-fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Residuals {
-    let (mut primal, mut gap, mut sum) = ([0.0; PAIRS], [0.0; PAIRS], [0.0; PAIRS]);
+fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [StageWork]) -> Residuals {
+    let (mut primal, mut gap, mut sum) = ([0.0; INEQUALITIES], [0.0; INEQUALITIES], [0.0; INEQUALITIES]);
     let mut dual = 0.0;
     let mut previous = limits.previous_input;
     for (k, w) in work.iter_mut().enumerate() {
         let stage = &problem.stages[k];
-        let left = rows(&w.at, &previous);
-        for i in 0..PAIRS {
+        let left = left_sides(&w.at, &previous);
+        for i in 0..INEQUALITIES {
             w.residual[i] = left[i] + w.slack[i] - w.bound[i];
             w.reciprocal[i] = 1.0 / w.slack[i];
             let product = w.slack[i] * w.multiplier[i];
@@ -294,7 +280,7 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
         }
     }
 
-    let mut costate = terminal_slope(problem, work);
+    let mut costate = terminal_gradient(problem, work);
     for w in work.iter().rev() {
         for i in 0..2 {
             costate.state[TILT[i]] += w.multiplier[TILT_HIGH + i] - w.multiplier[TILT_LOW + i];
@@ -304,8 +290,8 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
             dual = greater(dual, g.abs());
         }
     }
-    // Maxima pass over what is not a number; the sum does not.
-    let mean = sum.iter().sum::<f64>() / (PAIRS * work.len()) as f64;
+    // Maxima ignore NaN; the sum does not.
+    let mean = sum.iter().sum::<f64>() / (INEQUALITIES * work.len()) as f64;
     Residuals {
         primal: greatest(&primal),
         dual: if mean.is_finite() { dual } else { mean },
@@ -315,41 +301,41 @@ fn residuals(problem: &Problem, limits: &InputLimits, work: &mut [Work]) -> Resi
 }
 
 /// Gradient of the terminal cost.
-fn terminal_slope(problem: &Problem, work: &[Work]) -> Slope {
+fn terminal_gradient(problem: &Problem, work: &[StageWork]) -> ValueGradient {
     let last = &work[work.len() - 1].at;
     let x = std::array::from_fn(|i| last.state[i] - problem.terminal_state_reference[i]);
     let u = std::array::from_fn(|j| last.input[j] - problem.terminal_input_reference[j]);
     let (state, input) = problem.terminal.gradient(&x, &u);
-    let mut slope = Slope { state: Row::default(), input };
-    slope.state[..STATES].copy_from_slice(&state);
-    slope
+    let mut gradient = ValueGradient { state: Row::default(), input };
+    gradient.state[..STATES].copy_from_slice(&state);
+    gradient
 }
 
 /// One step of Mehrotra's method.
-fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
+fn iterate(problem: &Problem, work: &mut [StageWork], mean: f64) -> Option<()> {
     factorise(problem, work)?;
-    let terminal = terminal_slope(problem, work);
+    let terminal = terminal_gradient(problem, work);
     for w in work.iter_mut() {
-        w.target = [0.0; PAIRS];
+        w.target = [0.0; INEQUALITIES];
     }
-    let affine = direction(problem, work, terminal);
+    let affine = newton_step(problem, work, terminal);
     // The mean product after the affine step, in which λ ds + s dλ = -s λ.
-    let count = (PAIRS * work.len()) as f64;
+    let count = (INEQUALITIES * work.len()) as f64;
     let (primal, dual) = (affine.primal, affine.dual);
     let after = (1.0 - dual) * mean
         + ((primal - dual) * affine.slack_products + primal * dual * affine.products) / count;
     let ratio = (after / mean).max(0.0);
     let target = ratio * ratio * mean;
     for w in work.iter_mut() {
-        for i in 0..PAIRS {
+        for i in 0..INEQUALITIES {
             w.target[i] = target - w.slack_step[i] * w.multiplier_step[i];
         }
     }
-    // One length for both: the gradient of a quadratic program falls with the shorter only.
-    let step = direction(problem, work, terminal);
+    // One length for both: with two, the gradient of a quadratic program would not decrease.
+    let step = newton_step(problem, work, terminal);
     let length = step.primal.min(step.dual);
     for w in work.iter_mut() {
-        for i in 0..PAIRS {
+        for i in 0..INEQUALITIES {
             w.slack[i] += length * w.slack_step[i];
             w.multiplier[i] += length * w.multiplier_step[i];
         }
@@ -367,13 +353,13 @@ fn iterate(problem: &Problem, work: &mut [Work], mean: f64) -> Option<()> {
 }
 
 /// Riccati recursion with the weights of this iterate.
-fn factorise(problem: &Problem, work: &mut [Work]) -> Option<()> {
-    let mut value = Value::default();
+fn factorise(problem: &Problem, work: &mut [StageWork]) -> Option<()> {
+    let mut value = ValueFunction::default();
     for k in (0..work.len()).rev() {
         let stage = &problem.stages[k];
         let w = &mut work[k];
-        let mut weight = [0.0; PAIRS];
-        for i in 0..PAIRS {
+        let mut weight = [0.0; INEQUALITIES];
+        for i in 0..INEQUALITIES {
             weight[i] = w.multiplier[i] * w.reciprocal[i];
         }
         for j in 0..INPUTS {
@@ -397,7 +383,7 @@ fn factorise(problem: &Problem, work: &mut [Work]) -> Option<()> {
             }
             next.policy.value_before(&next.columns, &mut value, &next.weight);
         } else {
-            value = Value::terminal(&problem.terminal, &tilt);
+            value = ValueFunction::terminal(&problem.terminal, &tilt);
         }
         let w = &mut work[k];
         w.policy.factorise(&w.columns, &value, &w.weight)?;
@@ -405,12 +391,12 @@ fn factorise(problem: &Problem, work: &mut [Work]) -> Option<()> {
     Some(())
 }
 
-/// What a step allows.
+/// Length and products of a Newton step.
 #[derive(Clone, Copy, Debug)]
-struct Reach {
-    /// Longest part of the step, at most one, that leaves slacks a share above zero.
+struct NewtonStep {
+    /// Greatest part of the step, at most one, that leaves all slacks positive.
     primal: f64,
-    /// The same of the multipliers.
+    /// The same for the multipliers.
     dual: f64,
     /// Sum of slack step times multiplier.
     slack_products: f64,
@@ -419,28 +405,28 @@ struct Reach {
 }
 
 /// Newton's step towards the targets of the products.
-fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) -> Reach {
-    let mut slope = terminal;
+fn newton_step(problem: &Problem, work: &mut [StageWork], terminal: ValueGradient) -> NewtonStep {
+    let mut gradient = terminal;
     for w in work.iter_mut().rev() {
-        // Multipliers that the step would leave, were z to stay.
-        let mut m = [0.0; PAIRS];
-        for i in 0..PAIRS {
+        // Multipliers after the step, for an unchanged z.
+        let mut m = [0.0; INEQUALITIES];
+        for i in 0..INEQUALITIES {
             m[i] = (w.multiplier[i] * w.residual[i] + w.target[i]) * w.reciprocal[i];
         }
         for i in 0..2 {
             let slack = problem.tilt_linear_cost + problem.tilt_quadratic_cost * w.at.slack[i]
                 - (m[TILT_HIGH + i] + m[TILT_LOW + i] + m[SLACK + i]);
-            slope.state[TILT[i]] += m[TILT_HIGH + i] - m[TILT_LOW + i] - w.coupling[i] * slack;
+            gradient.state[TILT[i]] += m[TILT_HIGH + i] - m[TILT_LOW + i] - w.coupling[i] * slack;
             w.step.slack[i] = -slack * w.flexibility[i];
         }
         let linear = with_multipliers(&w.gradient, &m);
-        w.policy.slope_before(&w.columns, &mut slope, &w.state_gradient, &linear, &w.weight.change);
+        w.policy.gradient_before(&w.columns, &mut gradient, &w.state_gradient, &linear, &w.weight.change);
     }
 
     let mut state = Row::default();
     let mut previous = [0.0; INPUTS];
-    let (mut primal, mut dual) = ([SHARE; PAIRS], [SHARE; PAIRS]);
-    let (mut slack_products, mut products) = ([0.0; PAIRS], [0.0; PAIRS]);
+    let (mut primal, mut dual) = ([STEP_SHARE; INEQUALITIES], [STEP_SHARE; INEQUALITIES]);
+    let (mut slack_products, mut products) = ([0.0; INEQUALITIES], [0.0; INEQUALITIES]);
     for w in work {
         let input = w.policy.input(&state, &previous);
         state = w.columns.step(&state, &input);
@@ -449,8 +435,8 @@ fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) -> Reach {
         for i in 0..2 {
             w.step.slack[i] -= w.coupling[i] * state[TILT[i]];
         }
-        let left = rows(&w.step, &previous);
-        for i in 0..PAIRS {
+        let left = left_sides(&w.step, &previous);
+        for i in 0..INEQUALITIES {
             let slack_step = -w.residual[i] - left[i];
             let multiplier_step =
                 (w.target[i] - w.multiplier[i] * slack_step) * w.reciprocal[i] - w.multiplier[i];
@@ -463,27 +449,27 @@ fn direction(problem: &Problem, work: &mut [Work], terminal: Slope) -> Reach {
         }
         previous = input;
     }
-    Reach {
-        primal: SHARE / greatest(&primal),
-        dual: SHARE / greatest(&dual),
+    NewtonStep {
+        primal: STEP_SHARE / greatest(&primal),
+        dual: STEP_SHARE / greatest(&dual),
         slack_products: slack_products.iter().sum(),
         products: products.iter().sum(),
     }
 }
 
 /// The greatest of values that are not negative.
-fn greatest(values: &Pairs) -> f64 {
+fn greatest(values: &PerInequality) -> f64 {
     values.iter().fold(0.0, |a, &b| greater(a, b))
 }
 
-/// The greater of two; the first where the second is not a number. One instruction, which `max` is not.
+/// The greater of two; the first if the second is NaN. One instruction, unlike `max`.
 #[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-/// The answer from the last iterate: inputs on the inside of their limits, states that follow from them.
-fn answer(problem: &Problem, limits: &InputLimits, work: &[Work], solution: &mut Solution) {
+/// The solution from the last iterate: inputs inside their limits, and the states that follow from them.
+fn write_solution(problem: &Problem, limits: &InputLimits, work: &[StageWork], solution: &mut Solution) {
     for (input, w) in solution.inputs.iter_mut().zip(work) {
         *input = w.at.input;
     }

@@ -1,4 +1,5 @@
-//! Predictive control as a quadratic program: its statement, our own solver, and an independent one.
+//! Predictive control as a quadratic program: the program, an interior-point solver, and an independent
+//! solver.
 //!
 //! ```text
 //! Problem → interior_point::solve → Solution      in flight: fixed size, no allocation, few microseconds a stage
@@ -12,11 +13,15 @@
 
 #![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 
-pub mod interior_point;
-pub mod oracle;
+pub mod model;
+
 pub mod problem;
 pub mod riccati;
 
-pub use interior_point::{Settings, Workspace};
-pub use problem::{CostToGo, INPUTS, MAX_STAGES, Problem, STATES, Solution, Stage, Status, TILT, Tilt};
-pub use riccati::{InfiniteHorizon, Linear, StageCost, dare};
+pub mod interior_point;
+pub mod oracle;
+
+pub use interior_point::Workspace;
+pub use model::{CostToGo, INPUTS, Linear, STATES, StageCost};
+pub use problem::{MAX_STAGES, Problem, Settings, Solution, Stage, Status, TILT, Tilt};
+pub use riccati::{InfiniteHorizon, dare};

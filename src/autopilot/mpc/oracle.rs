@@ -1,8 +1,9 @@
-//! The same program handed to Clarabel, a general sparse conic solver: the reference in tests, the fallback in flight.
+//! The same program handed to Clarabel, a general sparse conic solver: the reference in tests, the fallback
+//! in flight.
 //!
-//! It knows nothing of stages: one sparse matrix of all equations and inequalities, entries that are zero
-//! left out, since its factorisation pays for each. Iterative refinement is off: it doubles the time
-//! and changes no digit that matters here. It allocates. Source of the solver: P. Goulart and Y. Chen, Clarabel:
+//! It does not exploit stages: one sparse matrix of all equations and inequalities, entries that are zero
+//! left out, since its factorisation pays for each. Iterative refinement is off: it doubles the time and
+//! changes no digit that matters here. It allocates. Source of the solver: P. Goulart and Y. Chen, Clarabel:
 //! An interior-point solver for conic programs with quadratic objectives, arXiv 2405.12762.
 
 use clarabel::algebra::CscMatrix;
@@ -11,18 +12,18 @@ use clarabel::solver::{
     SupportedConeT::ZeroConeT,
 };
 
-use super::interior_point::Settings;
-use super::problem::{INPUTS, InputLimits, Problem, STATES, Solution, Status, TILT};
+use super::model::{INPUTS, STATES};
+use super::problem::{InputLimits, Problem, Settings, Solution, Status, TILT};
 
 /// Variables of a stage: its input, the state it leads to, the slack of that state's tilt limits.
 const BLOCK: usize = INPUTS + STATES + 2;
 
-/// Solves to a tolerance on residuals and duality gap. The feedback stays zero.
+/// Solves to a tolerance of residuals and duality gap. The feedback is zero.
 pub fn solve(problem: &Problem, tolerance: f64) -> Solution {
     solve_within(problem, &Settings { iterations: 200, tolerance })
 }
 
-/// The same with a cap on the iterations.
+/// The same with a greatest number of iterations.
 pub fn solve_within(problem: &Problem, settings: &Settings) -> Solution {
     let Settings { iterations, tolerance } = *settings;
     let mut solution = Solution::default();
@@ -90,7 +91,7 @@ fn slack_at(k: usize) -> usize {
     BLOCK * (k - 1) + INPUTS + STATES
 }
 
-/// Entries of a sparse matrix; those at one place add up.
+/// Entries of a sparse matrix; entries at one place are added.
 #[derive(Default)]
 struct Triplets {
     row: Vec<usize>,

@@ -1,4 +1,4 @@
-//! The quadratic program of predictive control, and what a solver answers.
+//! The quadratic program of predictive control, and its solution.
 //!
 //! Over stages k = 0 … N-1 with x₀ and u₋₁ given, minimise
 //!
@@ -12,20 +12,16 @@
 //! ```
 //!
 //! with Q, R, S diagonal. The tilt limits being soft, a program has a solution as soon as the limits of the
-//! input leave one; how contradictions among those are settled, [`Problem::consistent_limits`] says.
+//! input leave one; [`Problem::consistent_limits`] resolves contradictions among those.
 
-use super::riccati::Linear;
+use super::model::{CostToGo, INPUTS, Linear, STATES, dot};
 
-/// States of the model.
-pub const STATES: usize = 13;
-/// Inputs of the model.
-pub const INPUTS: usize = 4;
 /// Greatest number of stages.
 pub const MAX_STAGES: usize = 30;
 /// Indices of the two states with soft limits.
 pub const TILT: [usize; 2] = [6, 7];
 
-/// No number of a program may be greater than this: what is a billion after scaling is a mistake, and its
+/// Bound of every number of a program: a billion after scaling is a mistake, and its
 /// products with others must not overflow. A limit of a thousand is as good as none.
 pub const GREATEST: f64 = 1e9;
 /// Least distance of opposite limits of an input: an interior point needs an interior.
@@ -41,18 +37,18 @@ pub struct Tilt {
 }
 
 impl Tilt {
-    /// As good as no limit.
+    /// Practically no limit.
     pub const FREE: Self = Self { min: [-1e3; 2], max: [1e3; 2] };
 }
 
-/// One interval: what state and input cost at its beginning, and where they lead.
+/// One stage: the costs of state and input at its beginning, the model to the next stage, limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {
     /// A and B from this stage to the next.
     pub model: Linear,
     /// The constant c of the model.
     pub offset: [f64; STATES],
-    /// Diagonal of Q. Of stage 0 it changes nothing: that state is given.
+    /// Diagonal of Q. Without effect on stage 0, whose state is given.
     pub state_weight: [f64; STATES],
     /// x̄.
     pub state_reference: [f64; STATES],
@@ -68,7 +64,7 @@ pub struct Stage {
     pub input_max: [f64; INPUTS],
     /// Greatest change from the input before; stage 0 counts from `previous_input`.
     pub change_max: [f64; INPUTS],
-    /// Soft limits of the state at this stage; those of stage 0 are not looked at.
+    /// Soft limits of the state at this stage; without effect on stage 0.
     pub tilt: Tilt,
 }
 
@@ -90,23 +86,12 @@ impl Default for Stage {
     }
 }
 
-/// A quadratic form in the last state and the last input: what everything after the horizon costs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CostToGo {
-    /// On the state; symmetric, positive semidefinite together with the rest.
-    pub state: [[f64; STATES]; STATES],
-    /// Between state and input; zero where changes of the input cost nothing.
-    pub cross: [[f64; INPUTS]; STATES],
-    /// On the input; symmetric.
-    pub input: [[f64; INPUTS]; INPUTS],
-}
-
-/// One quadratic program. Large (70 kB): keep it in a box and refill it.
+/// One quadratic program. Large (70 kB): keep it in a box and reuse it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     /// Stages in use, at most [`MAX_STAGES`].
     pub length: usize,
-    /// The stages; those from `length` on are not looked at.
+    /// The stages; those from `length` on are ignored.
     pub stages: [Stage; MAX_STAGES],
     /// Cost at the end.
     pub terminal: CostToGo,
@@ -143,29 +128,45 @@ impl Default for Problem {
     }
 }
 
-/// How a solver ended.
+/// Exit status of a solver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Status {
     /// Optimal to the tolerance asked for.
     Solved,
     /// The best iterate when the iterations ran out: inside all limits, and as good as its residuals say.
     IterationLimit,
-    /// The program is not sound (not finite, too large, wrong sign) or the arithmetic broke down. Nothing else
-    /// in the answer is to be used.
+    /// The program is not sound (not finite, too large, wrong sign) or the arithmetic broke down. Nothing
+    /// else in the answer is to be used.
     #[default]
     NumericalFailure,
 }
 
-/// What a solver answers. Inputs keep limits of input and change exactly, whatever the status but failure.
+/// Stopping rule of a solver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Greatest number of iterations.
+    pub iterations: usize,
+    /// Allowed violation of constraints, gradient of the Lagrangian, and slack times multiplier.
+    pub tolerance: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { iterations: 15, tolerance: 1e-6 }
+    }
+}
+
+/// Solution of a program. Unless the status is a failure, the inputs keep their limits exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// How the solver ended.
+    /// Exit status.
     pub status: Status,
     /// u₀ … u_N₋₁; zero beyond.
     pub inputs: [[f64; INPUTS]; MAX_STAGES],
     /// x₀ … x_N as the model predicts them from the inputs; zero beyond.
     pub states: [[f64; STATES]; MAX_STAGES + 1],
-    /// Change of u₀ with x₀, du₀/dx₀, from the last factorisation. Limits that hold an input make its row vanish.
+    /// Change of u₀ with x₀, du₀/dx₀, from the last factorisation. Limits that hold an input make its row
+    /// vanish.
     pub feedback: [[f64; STATES]; INPUTS],
     /// Iterations taken.
     pub iterations: usize,
@@ -192,7 +193,7 @@ impl Default for Solution {
     }
 }
 
-/// Limits of the inputs under which a program has a strictly feasible point.
+/// Limits of the inputs for which a program has a strictly feasible point.
 #[derive(Clone, Debug)]
 pub struct InputLimits {
     /// u₋₁ inside the limits of stage 0.
@@ -217,7 +218,7 @@ impl Default for InputLimits {
 }
 
 impl InputLimits {
-    /// Puts inputs that are within rounding of the limits inside them.
+    /// Clamps inputs that exceed the limits by rounding.
     pub fn enforce(&self, length: usize, inputs: &mut [[f64; INPUTS]; MAX_STAGES]) {
         let mut previous = self.previous_input;
         for k in 0..length {
@@ -242,43 +243,44 @@ impl Problem {
         self.stages().get(stage + 1).map_or(&self.terminal_tilt, |next| &next.tilt)
     }
 
-    /// Whether a solver may take it: at least one stage, numbers finite and not greater than [`GREATEST`],
+    /// Whether a solver accepts it: at least one stage, numbers finite and not greater than [`GREATEST`],
     /// input weights positive, the other weights and the changes not negative, tilt limits in order.
     pub fn is_sound(&self) -> bool {
-        let fair = |values: &[f64]| values.iter().all(|x| x.abs() <= GREATEST);
+        let bounded = |values: &[f64]| values.iter().all(|x| x.abs() <= GREATEST);
         let weight = |values: &[f64]| values.iter().all(|x| (0.0..=GREATEST).contains(x));
         let ordered = |t: &Tilt| {
-            fair(&t.min) && fair(&t.max) && t.min.iter().zip(&t.max).all(|(low, high)| low <= high)
+            bounded(&t.min) && bounded(&t.max) && t.min.iter().zip(&t.max).all(|(low, high)| low <= high)
         };
         let stage = |s: &Stage| {
-            fair(s.model.a.as_flattened())
-                && fair(s.model.b.as_flattened())
-                && fair(&s.offset)
+            bounded(s.model.a.as_flattened())
+                && bounded(s.model.b.as_flattened())
+                && bounded(&s.offset)
                 && weight(&s.state_weight)
-                && fair(&s.state_reference)
+                && bounded(&s.state_reference)
                 && weight(&s.input_weight)
                 && s.input_weight.iter().all(|&r| r > 0.0)
-                && fair(&s.input_reference)
+                && bounded(&s.input_reference)
                 && weight(&s.change_weight)
-                && fair(&s.input_min)
-                && fair(&s.input_max)
+                && bounded(&s.input_min)
+                && bounded(&s.input_max)
                 && weight(&s.change_max)
                 && ordered(&s.tilt)
         };
         (1..=MAX_STAGES).contains(&self.length)
             && self.stages().iter().all(stage)
-            && fair(self.terminal.state.as_flattened())
-            && fair(self.terminal.cross.as_flattened())
-            && fair(self.terminal.input.as_flattened())
-            && fair(&self.terminal_state_reference)
-            && fair(&self.terminal_input_reference)
+            && bounded(self.terminal.state.as_flattened())
+            && bounded(self.terminal.cross.as_flattened())
+            && bounded(self.terminal.input.as_flattened())
+            && bounded(&self.terminal_state_reference)
+            && bounded(&self.terminal_input_reference)
             && ordered(&self.terminal_tilt)
             && weight(&[self.tilt_linear_cost, self.tilt_quadratic_cost])
-            && fair(&self.initial_state)
-            && fair(&self.previous_input)
+            && bounded(&self.initial_state)
+            && bounded(&self.previous_input)
     }
 
-    /// Limits of the inputs with contradictions settled; a program without contradiction keeps its own.
+    /// Limits of the inputs with contradictions resolved; without contradiction they are those of the
+    /// program.
     ///
     /// Limits of the input go before limits of its change: an input in force outside its limits counts as
     /// standing on the nearest, and a change that could not reach the next interval is widened until it
@@ -290,7 +292,7 @@ impl Problem {
         for j in 0..INPUTS {
             let (mut low, mut high) = (limits.previous_input[j], limits.previous_input[j]);
             for (k, stage) in self.stages().iter().enumerate() {
-                let (min, max) = apart(stage.input_min[j], stage.input_max[j]);
+                let (min, max) = separated(stage.input_min[j], stage.input_max[j]);
                 // At least so much that the interval reachable at this stage has the least width.
                 let reach = (min - high).max(low - max) + 0.5 * LEAST_WIDTH;
                 let change = stage.change_max[j].max(0.5 * LEAST_WIDTH).max(reach);
@@ -318,7 +320,8 @@ impl Problem {
         }
     }
 
-    /// What inputs cost, states as the model predicts them; changes count from the input in force.
+    /// Cost of inputs and the states that the model predicts from them; changes count from the input in
+    /// force.
     pub fn cost(
         &self,
         inputs: &[[f64; INPUTS]; MAX_STAGES],
@@ -357,32 +360,17 @@ impl Problem {
     /// u₋₁, on the nearest limit of stage 0 where it stands outside.
     fn input_in_force(&self) -> [f64; INPUTS] {
         std::array::from_fn(|j| {
-            let (min, max) = apart(self.stages[0].input_min[j], self.stages[0].input_max[j]);
+            let (min, max) = separated(self.stages[0].input_min[j], self.stages[0].input_max[j]);
             self.previous_input[j].clamp(min, max)
         })
     }
 }
 
-impl CostToGo {
-    /// Gradient of half the form: P (x, u).
-    pub fn gradient(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> ([f64; STATES], [f64; INPUTS]) {
-        let state = std::array::from_fn(|i| dot(&self.state[i], x) + dot(&self.cross[i], u));
-        let input = std::array::from_fn(|j| {
-            dot(&self.input[j], u) + self.cross.iter().zip(x).map(|(row, x)| row[j] * x).sum::<f64>()
-        });
-        (state, input)
-    }
-}
-
-/// Limits at least [`LEAST_WIDTH`] apart.
-fn apart(min: f64, max: f64) -> (f64, f64) {
+/// Limits moved at least [`LEAST_WIDTH`] apart.
+fn separated(min: f64, max: f64) -> (f64, f64) {
     if max - min >= LEAST_WIDTH {
         return (min, max);
     }
     let middle = 0.5 * (min + max);
     (middle - 0.5 * LEAST_WIDTH, middle + 0.5 * LEAST_WIDTH)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -15,42 +15,12 @@
 //! and each is a row operation of fixed length. Source of the recursion: B. D. O. Anderson and J. B. Moore,
 //! Optimal Control: Linear Quadratic Methods, 1990, section 2.4, with the state augmented as above.
 
-use super::problem::{CostToGo, INPUTS, STATES};
+use super::model::{CostToGo, INPUTS, Linear, STATES, StageCost};
 
-/// A row over the states, filled up to an even number.
+/// A row over the states, padded to an even length.
 pub type Row = [f64; STATES + 1];
-/// Columns of A and B side by side.
+/// SparseModel of A and B side by side.
 const COLUMNS: usize = STATES + INPUTS;
-
-/// A linear model from one stage to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Linear {
-    /// On the state, by rows.
-    pub a: [[f64; STATES]; STATES],
-    /// On the input, by rows.
-    pub b: [[f64; INPUTS]; STATES],
-}
-
-impl Linear {
-    /// A x + B u.
-    pub fn step(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> [f64; STATES] {
-        std::array::from_fn(|i| {
-            let free: f64 = self.a[i].iter().zip(x).map(|(a, x)| a * x).sum();
-            free + self.b[i].iter().zip(u).map(|(b, u)| b * u).sum::<f64>()
-        })
-    }
-}
-
-/// Diagonal weights of one stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageCost {
-    /// Q.
-    pub state: [f64; STATES],
-    /// R.
-    pub input: [f64; INPUTS],
-    /// S.
-    pub change: [f64; INPUTS],
-}
 
 /// Optimal control of a constant model without limits over an infinite horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,16 +29,16 @@ pub struct InfiniteHorizon {
     pub cost: CostToGo,
     /// u = `feedback` x + `memory` v.
     pub feedback: [[f64; STATES]; INPUTS],
-    /// On the input of the stage before; zero where changes cost nothing.
+    /// Feedback of the input of the stage before; zero where changes cost nothing.
     pub memory: [[f64; INPUTS]; INPUTS],
 }
 
-/// Solves the discrete algebraic Riccati equation by running the recursion until it stands still (relative
-/// change 1e-14); `None` when it does not, as with a mode that no input reaches.
+/// Solves the discrete algebraic Riccati equation by running the recursion until it converges (relative
+/// change 1e-14); `None` if it does not, as with a mode that no input reaches.
 pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
-    let mut model_columns = Columns::default();
+    let mut model_columns = SparseModel::default();
     model_columns.fill(model);
-    let mut value = Value::default();
+    let mut value = ValueFunction::default();
     let mut policy = Policy::default();
     for _ in 0..100_000 {
         let before = value.trace();
@@ -89,10 +59,10 @@ pub fn dare(model: &Linear, cost: &StageCost) -> Option<InfiniteHorizon> {
     None
 }
 
-/// A model laid out for the recursion. Products with matrices run over the entries of A and B that are not zero,
-/// column by column; products with vectors are too short for that to pay.
+/// A model arranged for the recursion. Products with matrices run over the entries of A and B that are not
+/// zero, column by column; products with vectors are dense, since they are too short to profit.
 #[derive(Clone, Debug)]
-pub struct Columns {
+pub struct SparseModel {
     begin: [u8; COLUMNS + 1],
     row: [u8; COLUMNS * STATES],
     entry: [f64; COLUMNS * STATES],
@@ -106,7 +76,7 @@ pub struct Columns {
     input_columns: [Row; INPUTS],
 }
 
-impl Default for Columns {
+impl Default for SparseModel {
     fn default() -> Self {
         Self {
             begin: [0; COLUMNS + 1],
@@ -120,8 +90,8 @@ impl Default for Columns {
     }
 }
 
-impl Columns {
-    /// Takes a model over.
+impl SparseModel {
+    /// Copies a model.
     pub fn fill(&mut self, model: &Linear) {
         let mut count = 0;
         for column in 0..COLUMNS {
@@ -217,15 +187,15 @@ impl Columns {
     }
 }
 
-/// Half this quadratic form in (x, v) is the cost from a stage on.
+/// The cost from a stage on: half this quadratic form in (x, v).
 #[derive(Clone, Debug, Default)]
-pub struct Value {
+pub struct ValueFunction {
     state: [Row; STATES],
     cross: [[f64; INPUTS]; STATES],
     input: [[f64; INPUTS]; INPUTS],
 }
 
-impl Value {
+impl ValueFunction {
     /// The value after the last stage: the terminal cost, and more on the diagonal of the state.
     pub fn terminal(cost: &CostToGo, more: &[f64; STATES]) -> Self {
         let mut value = Self { state: [Row::default(); STATES], cross: cost.cross, input: cost.input };
@@ -249,7 +219,7 @@ impl Value {
 
 /// Gradient of a value at (x, v) = 0.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Slope {
+pub struct ValueGradient {
     /// In the state.
     pub state: Row,
     /// In the input of the stage before.
@@ -258,14 +228,14 @@ pub struct Slope {
 
 /// Linear costs of one stage in its input and in the change of it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct InputSlope {
+pub struct InputGradient {
     /// In the input.
     pub input: [f64; INPUTS],
     /// In the change.
     pub change: [f64; INPUTS],
 }
 
-/// What the recursion keeps of one stage: u = `feed_forward` - `state` x + `change` v.
+/// Control policy of one stage: u = `feed_forward` - `state` x + `change` v.
 #[derive(Clone, Debug, Default)]
 pub struct Policy {
     /// (M + S)⁻¹ G.
@@ -282,8 +252,8 @@ pub struct Policy {
 }
 
 impl Policy {
-    /// Best answer of one stage to a state, given the value after it. `None`: M + S is not positive definite.
-    pub fn factorise(&mut self, model: &Columns, after: &Value, cost: &StageCost) -> Option<()> {
+    /// Optimal policy of one stage, given the value after it. `None`: M + S is not positive definite.
+    pub fn factorise(&mut self, model: &SparseModel, after: &ValueFunction, cost: &StageCost) -> Option<()> {
         // P_xx B + P_xv, by rows of the state.
         let mut through = after.cross;
         let mut turned = [Row::default(); INPUTS];
@@ -333,7 +303,7 @@ impl Policy {
     }
 
     /// Carries the value from after the stage to before it, once the stage is factorised.
-    pub fn value_before(&self, model: &Columns, value: &mut Value, cost: &StageCost) {
+    pub fn value_before(&self, model: &SparseModel, value: &mut ValueFunction, cost: &StageCost) {
         let mut product = [Row::default(); STATES];
         model.transposed_times(&value.state, &mut product);
         let mut turned = [Row::default(); STATES];
@@ -368,14 +338,15 @@ impl Policy {
         }
     }
 
-    /// Carries the slope from after the stage to before it, given the linear costs and the weights of change.
+    /// Carries the gradient from after the stage to before it, given the linear costs and the weights of
+    /// change.
     #[inline(always)]
-    pub fn slope_before(
+    pub fn gradient_before(
         &mut self,
-        model: &Columns,
-        slope: &mut Slope,
+        model: &SparseModel,
+        slope: &mut ValueGradient,
         state: &Row,
-        linear: &InputSlope,
+        linear: &InputGradient,
         change_weight: &[f64; INPUTS],
     ) {
         let mut h = model.transposed_input(&slope.state);
@@ -422,10 +393,10 @@ impl Policy {
 /// Gradient of the cost in one input, the states and inputs after it taken as they are; carries the costate.
 #[inline(always)]
 pub fn input_gradient(
-    model: &Columns,
-    costate: &mut Slope,
+    model: &SparseModel,
+    costate: &mut ValueGradient,
     state: &Row,
-    linear: &InputSlope,
+    linear: &InputGradient,
 ) -> [f64; INPUTS] {
     let mut gradient = model.transposed_input(&costate.state);
     for c in 0..INPUTS {

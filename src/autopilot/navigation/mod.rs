@@ -1,173 +1,64 @@
 //! Navigation: error-state Kalman filter over inertial, satellite, pressure, magnetic and laser
 //! measurements.
 //!
-//! The point navigated is the inertial unit itself, so that neither angular acceleration nor the moving
-//! centre of mass enter the prediction; pivot and centre of mass follow by lever arm. Twenty error states:
-//! position, velocity, attitude (turned in NED axes), gyroscope and accelerometer bias, barometer offset,
-//! drift of the satellite position since the alignment, and the heading error of the magnetometer.
-//! Each measurement is a scalar, gated at 5 σ, compared with the state of the instant it was taken (a
-//! history holds the last half second) and applied to the present. While the vehicle certainly stands,
-//! "here, and not moving" is a measurement too: it fixes the drift, and tells tilt from accelerometer
-//! bias as far as that can be told.
+//! The filter estimates the motion of the inertial unit itself, so that neither angular acceleration nor the
+//! moving centre of mass enter the prediction; pivot and centre of mass follow by lever arm. Twenty error
+//! states: position, velocity, attitude (a rotation about NED axes), gyroscope and accelerometer bias,
+//! barometer offset, drift of the satellite position since the alignment, and the heading error of the
+//! magnetometer. Measurements are scalars, gated at 5 σ. Each is compared with the state of the instant it
+//! was taken (a history holds the last half second) and corrects the present state. While the vehicle
+//! certainly stands on the ground, zero velocity and, on the pad, the known position are measurements too:
+//! they fix the drift, and separate tilt from accelerometer bias as far as they can be separated.
 //!
 //! Equations: J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, with the attitude
 //! error on the world side. Flat, non-turning Earth: valid for flights of a minute within a kilometre.
 
-mod update;
+mod parameters;
+mod state;
+mod status;
+
+mod covariance;
+mod history;
+
+mod measurement;
 
 #[cfg(test)]
 mod tests;
 
-use super::alignment::{Aligned, Alignment};
+use super::alignment::{Alignment, AlignmentResult};
 use crate::environment::geodesy::Datum;
-use crate::frame::{Vec3, skew};
-use crate::signal::Measurement;
+use crate::frame::Vec3;
+use crate::signal::{AltimeterSample, BarometerSample, GnssFix, Measurement};
 use crate::time::SimTime;
-use nalgebra::{SMatrix, SVector, UnitQuaternion};
-pub use update::{InnovationTally, Source};
+use history::History;
+pub use measurement::Source;
+use measurement::{Scalar, expected_range_m};
+use nalgebra::{SMatrix, UnitQuaternion};
+pub use parameters::{
+    AccelerometerNoise, AltimeterNoise, BarometerNoise, GnssParameters, GyroscopeNoise, HorizontalVertical,
+    MagnetometerNoise, NavigationParameters,
+};
+use state::{Covariance, ErrorVector, NominalState, POSITION, STATES, VELOCITY, block};
+pub use status::{AidingStatus, InnovationTally, NavigationHealth, SensorBiases};
 
-/// Number of error states.
-pub const STATES: usize = 20;
-const P: usize = 0;
-const V: usize = 3;
-const TH: usize = 6;
-const BG: usize = 9;
-const BA: usize = 12;
-const BARO: usize = 15;
-const DRIFT: usize = 16;
-const HEADING: usize = 19;
-
-/// Walk of the magnetometer's heading error as the body tilts (rad per √s).
-const HEADING_WALK_RAD_SQRT_S: f64 = 1e-3;
-
-type Covariance = SMatrix<f64, STATES, STATES>;
-type Row = SVector<f64, STATES>;
-
-/// Satellite receiver as the flight computer knows it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GnssParameters {
-    /// From the instant of the fix to its delivery (s).
-    pub delay_s: f64,
-    /// Antenna, body FRD from the pivot (m).
-    pub antenna_body_m: Vec3,
-    /// White noise of position, horizontal and vertical (m).
-    pub position_std_m: [f64; 2],
-    /// Slow drift of position, horizontal and vertical (m).
-    pub drift_std_m: [f64; 2],
-    /// Its correlation time (s).
-    pub drift_time_s: f64,
-    /// White noise of velocity, horizontal and vertical (m/s).
-    pub velocity_std_m_s: [f64; 2],
-}
-
-/// Everything the filter has to know. Noise figures are of one sample.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NavigationParameters {
-    /// Inertial unit, body FRD from the pivot (m).
-    pub imu_body_m: Vec3,
-    /// Accelerometer noise (m/s²), bias (m/s²), bias random walk (m/s² per √s).
-    pub accelerometer: [f64; 3],
-    /// Gyroscope noise (rad/s), bias after alignment (rad/s), bias random walk (rad/s per √s).
-    pub gyroscope: [f64; 3],
-    /// Satellite navigation.
-    pub gnss: GnssParameters,
-    /// Barometer noise (m), random walk (m per √s).
-    pub barometer_m: [f64; 2],
-    /// Its delay (s).
-    pub barometer_delay_s: f64,
-    /// Altimeter noise (m) and share of range.
-    pub altimeter: [f64; 2],
-    /// Altimeter, body FRD from the pivot (m); it looks along +z.
-    pub altimeter_body_m: Vec3,
-    /// Its delay (s).
-    pub altimeter_delay_s: f64,
-    /// Magnetic field at the site from a field model, NED (T). `None`: the heading on the pad is `rest_heading_rad`.
-    pub magnetic_field_ned_t: Option<Vec3>,
-    /// Magnetometer noise and hard iron left after calibration (T).
-    pub magnetometer_t: [f64; 2],
-    /// Heading on the pad where no field is known (rad).
-    pub rest_heading_rad: f64,
-    /// Pivot at rest, from the local origin on the pad surface (m).
-    pub rest_ned_m: Vec3,
-    /// Gravity at the site (m/s²).
-    pub gravity_m_s2: f64,
-}
-
-/// Nominal state.
-#[derive(Clone, Copy, Debug)]
-struct Nominal {
-    position_ned_m: Vec3,
-    velocity_ned_m_s: Vec3,
-    q_ned_from_body: UnitQuaternion<f64>,
-    gyro_bias_rad_s: Vec3,
-    accel_bias_m_s2: Vec3,
-    baro_offset_m: f64,
-    gnss_drift_ned_m: Vec3,
-    heading_bias_rad: f64,
-}
-
-impl Nominal {
-    fn is_finite(&self) -> bool {
-        let vectors = [
-            self.position_ned_m,
-            self.velocity_ned_m_s,
-            self.gyro_bias_rad_s,
-            self.accel_bias_m_s2,
-            self.gnss_drift_ned_m,
-        ];
-        vectors.iter().all(|v| v.iter().all(|x| x.is_finite()))
-            && self.q_ned_from_body.coords.iter().all(|x| x.is_finite())
-            && self.baro_offset_m.is_finite()
-            && self.heading_bias_rad.is_finite()
-    }
-}
-
-/// One past state, for measurements that come late.
-#[derive(Clone, Copy, Debug)]
-struct Past {
-    time: SimTime,
-    position_ned_m: Vec3,
-    velocity_ned_m_s: Vec3,
-    q_ned_from_body: UnitQuaternion<f64>,
-    rate_body_rad_s: Vec3,
-    corrected_position_m: Vec3,
-    corrected_velocity_m_s: Vec3,
-}
-
-/// Entries of the history: half a second at 250 Hz.
-const HISTORY: usize = 128;
-/// Least time between two of them: a sample at 250 Hz, a little less for clocks that are not round.
-const HISTORY_SPACING: SimTime = SimTime::from_us(3_900);
-
-/// Whether the vehicle is known to stand still.
+/// Whether the vehicle is known to stand on the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GroundState {
-    /// Where it was aligned.
+    /// At rest on the pad, where it was aligned.
     OnPad,
-    /// Somewhere on the ground.
+    /// At rest somewhere on the ground.
     Landed,
-    /// Not known to stand.
-    No,
+    /// In flight, or not known to be at rest.
+    Unknown,
 }
 
-/// Counters for the curious.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NavigationHealth {
-    /// Measurements refused by a gate or because they were no numbers.
-    pub rejected: u64,
-    /// Times the covariance had to be rebuilt.
-    pub resets: u64,
-}
-
-/// How long the filter has been flying blind.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AidingStatus {
-    /// Satellite fixes refused, in part or whole, in succession.
-    pub gnss_refused: u32,
-    /// Time since the last fix that was used whole (s).
-    pub gnss_silence_s: f64,
-    /// Time since the last range that was used (s).
-    pub altimeter_silence_s: f64,
+/// Position and velocity of one point of the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointMotion {
+    /// Position (m).
+    pub position_ned_m: Vec3,
+    /// Velocity (m/s).
+    pub velocity_ned_m_s: Vec3,
 }
 
 /// The filter.
@@ -176,80 +67,63 @@ pub struct Navigation {
     parameters: NavigationParameters,
     alignment: Alignment,
     aligned: bool,
-    now: Nominal,
+    state: NominalState,
     covariance: Covariance,
-    history: [Past; HISTORY],
-    newest: usize,
-    corrected_position_m: Vec3,
-    corrected_velocity_m_s: Vec3,
+    history: History,
     rate_body_rad_s: Vec3,
     specific_force_body_m_s2: Vec3,
     time: Option<SimTime>,
     datum: Option<Datum>,
     altimeter_offset_m: f64,
-    sight: AidingStatus,
+    aiding: AidingStatus,
+    /// Fixes refused since the last one that was accepted, or since the covariance was inflated.
     gnss_contradictions: u32,
     altimeter_refused: u32,
-    standing_for: u32,
+    /// Inertial samples at rest.
+    samples_at_rest: u32,
     health: NavigationHealth,
     tallies: [InnovationTally; Source::COUNT],
 }
 
+/// Inertial samples at rest from one zero-velocity update to the next: 25 a second are plenty.
+const ZERO_VELOCITY_INTERVAL: u32 = 10;
+/// Fixes refused in succession that show that the filter is wrong: two seconds.
+const GNSS_CONTRADICTIONS_MAX: u32 = 20;
+/// Ranges refused in succession that show that the filter is wrong: a second.
+const ALTIMETER_REFUSED_MAX: u32 = 50;
+
 impl Navigation {
     /// Before alignment: upright at the rest position.
     pub fn new(parameters: NavigationParameters) -> Self {
-        let now = Nominal {
-            position_ned_m: parameters.rest_ned_m + parameters.imu_body_m,
-            velocity_ned_m_s: Vec3::zeros(),
-            q_ned_from_body: UnitQuaternion::identity(),
-            gyro_bias_rad_s: Vec3::zeros(),
-            accel_bias_m_s2: Vec3::zeros(),
-            baro_offset_m: 0.0,
-            gnss_drift_ned_m: Vec3::zeros(),
-            heading_bias_rad: 0.0,
-        };
-        let past = Past {
-            time: SimTime::ZERO,
-            position_ned_m: now.position_ned_m,
-            velocity_ned_m_s: Vec3::zeros(),
-            q_ned_from_body: now.q_ned_from_body,
-            rate_body_rad_s: Vec3::zeros(),
-            corrected_position_m: Vec3::zeros(),
-            corrected_velocity_m_s: Vec3::zeros(),
-        };
-        let mut navigation = Self {
-            parameters,
+        let state = NominalState::at_rest(parameters.rest_ned_m + parameters.imu_body_m);
+        Self {
             alignment: Alignment::default(),
             aligned: false,
-            now,
-            covariance: Covariance::zeros(),
-            history: [past; HISTORY],
-            newest: 0,
-            corrected_position_m: Vec3::zeros(),
-            corrected_velocity_m_s: Vec3::zeros(),
+            state,
+            covariance: covariance::initial(&parameters, state.q_ned_from_body, 1.0),
+            history: History::at_rest(&state),
             rate_body_rad_s: Vec3::zeros(),
             specific_force_body_m_s2: Vec3::zeros(),
             time: None,
             datum: None,
             altimeter_offset_m: 0.0,
-            sight: AidingStatus::default(),
+            aiding: AidingStatus::default(),
             gnss_contradictions: 0,
             altimeter_refused: 0,
-            standing_for: 0,
+            samples_at_rest: 0,
             health: NavigationHealth::default(),
             tallies: [InnovationTally::default(); Source::COUNT],
-        };
-        navigation.covariance = navigation.initial_covariance(1.0);
-        navigation
+            parameters,
+        }
     }
 
-    /// The local origin and all biases are known.
+    /// The alignment is complete: attitude, biases and the local origin are known.
     pub const fn is_aligned(&self) -> bool {
         self.aligned
     }
 
     /// Averages at rest until `duration_s` is reached and satellite navigation has answered; then the
-    /// filter starts. With `duration_s` zero it starts from whatever there is.
+    /// filter starts. With `duration_s` zero it starts from the averages so far.
     pub fn align(&mut self, m: &Measurement, duration_s: f64) {
         self.alignment.add(m, self.parameters.gravity_m_s2);
         self.time = Some(m.time);
@@ -260,135 +134,81 @@ impl Navigation {
         if self.alignment.duration_s < duration_s {
             return;
         }
-        if let Some(aligned) = self.alignment.result()
-            && aligned.fixes >= 3.0
+        if let Some(result) = self.alignment.result()
+            && result.fixes >= 3.0
         {
-            self.start(&aligned);
+            self.start(&result);
         }
     }
 
-    fn start(&mut self, a: &Aligned) {
+    fn start(&mut self, a: &AlignmentResult) {
         let p = &self.parameters;
         let q = attitude_at_rest(a, p);
-        self.now.q_ned_from_body = q;
-        self.now.position_ned_m = p.rest_ned_m + q * p.imu_body_m;
-        self.now.velocity_ned_m_s = Vec3::zeros();
-        self.now.gyro_bias_rad_s = a.rate_body_rad_s;
         // Along gravity the accelerometer's error is its bias; across it, tilt and bias look the same.
         let up = a.specific_force_body_m_s2.normalize();
-        self.now.accel_bias_m_s2 = up * (a.specific_force_body_m_s2.norm() - p.gravity_m_s2);
-        self.now.baro_offset_m = a.pressure_altitude_m.map_or(0.0, |h| h + self.now.position_ned_m.z);
-        self.now.heading_bias_rad = 0.0;
-        self.now.gnss_drift_ned_m = Vec3::zeros();
+        let position_ned_m = p.rest_ned_m + q * p.imu_body_m;
+        self.state = NominalState {
+            q_ned_from_body: q,
+            gyro_bias_rad_s: a.rate_body_rad_s,
+            accel_bias_m_s2: up * (a.specific_force_body_m_s2.norm() - p.gravity_m_s2),
+            baro_offset_m: a.pressure_altitude_m.map_or(0.0, |h| h + position_ned_m.z),
+            ..NominalState::at_rest(position_ned_m)
+        };
         if let Some(range) = a.range_m {
-            let expected = self.expected_range_m(self.now.position_ned_m, &q);
+            let expected = expected_range_m(p, position_ned_m, &q);
             // More than a decimetre is not the sensor's offset but a pad that is not where it should be.
             self.altimeter_offset_m = (range - expected).clamp(-0.1, 0.1);
         }
         if let Some(fix) = a.fix {
-            // Origin so that the mean fix is the antenna where it stands.
+            // The origin for which the mean fix is the position of the antenna.
             let antenna = p.rest_ned_m + q * p.gnss.antenna_body_m;
-            let origin = Datum::new(fix.x, fix.y, fix.z).geodetic(&-antenna);
+            let origin = Datum::new(fix.latitude_rad, fix.longitude_rad, fix.altitude_m).geodetic(&-antenna);
             self.datum = Some(Datum::new(origin.latitude_rad, origin.longitude_rad, origin.altitude_m));
         }
-        self.covariance = self.initial_covariance(a.fixes.max(1.0));
+        self.covariance = covariance::initial(p, q, a.fixes.max(1.0));
         self.aligned = true;
     }
 
-    fn initial_covariance(&self, fixes: f64) -> Covariance {
-        let p = &self.parameters;
-        let mut c = Covariance::zeros();
-        let mut set = |at: usize, n: usize, std: f64| {
-            for i in at..at + n {
-                c[(i, i)] = std * std;
-            }
-        };
-        set(P, 3, 0.005);
-        set(V, 3, 0.02);
-        set(BG, 3, 0.2 * p.gyroscope[1]);
-        set(BA, 3, p.accelerometer[1]);
-        set(BARO, 1, 0.1);
-        set(DRIFT, 2, p.gnss.position_std_m[0] / fixes.sqrt() + 0.1 * p.gnss.drift_std_m[0]);
-        set(DRIFT + 2, 1, p.gnss.position_std_m[1] / fixes.sqrt() + 0.1 * p.gnss.drift_std_m[1]);
-        let dip = p.magnetic_field_ned_t.map_or(0.0, |b| b.z / libm::hypot(b.x, b.y).max(1e-6));
-        let levelling = dip * p.accelerometer[1] / p.gravity_m_s2;
-        let heading_bias = libm::hypot(self.heading_std_rad(1), levelling);
-        set(HEADING, 1, heading_bias.max(1e-4));
-        set(TH, 3, 2e-3);
-        c[(TH + 2, TH + 2)] = heading_bias * heading_bias + 1e-4;
-        c[(TH + 2, HEADING)] = -heading_bias * heading_bias;
-        c[(HEADING, TH + 2)] = -heading_bias * heading_bias;
-        // Levelling mistakes bias for tilt: with specific force (0, 0, -g) in NED, θx = by/g and θy = -bx/g.
-        let r = *self.now.q_ned_from_body.to_rotation_matrix().matrix();
-        let g = p.gravity_m_s2;
-        let mut tilt_from_bias = SMatrix::<f64, 3, 3>::zeros();
-        for j in 0..3 {
-            tilt_from_bias[(0, j)] = r[(1, j)] / g;
-            tilt_from_bias[(1, j)] = -r[(0, j)] / g;
-        }
-        let bias = SMatrix::<f64, 3, 3>::identity() * (p.accelerometer[1] * p.accelerometer[1]);
-        let cross = tilt_from_bias * bias;
-        let tilt = cross * tilt_from_bias.transpose();
-        for i in 0..3 {
-            for j in 0..3 {
-                c[(TH + i, TH + j)] += tilt[(i, j)];
-                c[(TH + i, BA + j)] = cross[(i, j)];
-                c[(BA + j, TH + i)] = cross[(i, j)];
-            }
-        }
-        // The pivot stands where it stands: a wrong tilt displaces the unit above it, and the antenna, whose
-        // mean fix was taken for the origin, by as much as the drift then has to make up for.
-        let q = self.now.q_ned_from_body;
-        displace(&mut c, P, -skew(q * p.imu_body_m));
-        displace(&mut c, DRIFT, skew(q * p.gnss.antenna_body_m));
-        c
-    }
-
-    /// Error of the heading from one magnetometer reading: `which` 0 its noise, 1 its hard iron (rad).
-    fn heading_std_rad(&self, which: usize) -> f64 {
-        let field = self.parameters.magnetic_field_ned_t.unwrap_or(Vec3::new(2.0e-5, 0.0, 0.0));
-        self.parameters.magnetometer_t[which] / libm::hypot(field.x, field.y).max(1e-6)
-    }
-
-    /// One measurement: prediction with the inertial sample, then whatever else came.
-    pub fn step(&mut self, m: &Measurement, standing: GroundState) {
-        let before = self.now;
+    /// One measurement: prediction with the inertial sample, then updates with whatever else came.
+    pub fn step(&mut self, m: &Measurement, ground: GroundState) {
+        let before = self.state;
         if let Some(imu) = &m.imu {
             let gap_s = self.time.map_or(imu.interval_s, |t| m.time.since(t).s());
-            // A sample that stands for a lost one too covers the gap; a clock that stands still does not stop us.
+            // A sample after a lost one covers the gap too; a clock that stands still does not stop the
+            // filter.
             let dt_s = if gap_s > 0.5 * imu.interval_s { gap_s } else { imu.interval_s }.clamp(0.0, 0.1);
             let f = imu.specific_force_body_m_s2;
             let w = imu.rate_body_rad_s;
             if f.iter().chain(w.iter()).all(|x| x.is_finite()) {
-                self.predict(f - self.now.accel_bias_m_s2, w - self.now.gyro_bias_rad_s, dt_s);
+                self.predict(f - self.state.accel_bias_m_s2, w - self.state.gyro_bias_rad_s, dt_s);
             } else {
                 self.health.rejected += 1;
                 self.predict(self.specific_force_body_m_s2, self.rate_body_rad_s, dt_s);
             }
-            self.sight.gnss_silence_s += dt_s;
-            self.sight.altimeter_silence_s += dt_s;
+            self.aiding.gnss_silence_s += dt_s;
+            self.aiding.altimeter_silence_s += dt_s;
             self.time = Some(m.time);
-            self.remember(m.time);
-            self.zero_velocity_update(standing);
+            self.history.push(m.time, &self.state, self.rate_body_rad_s);
+            self.zero_velocity_update(ground);
         }
         if let Some(fix) = &m.gnss {
-            self.use_gnss(fix, m.time);
+            self.gnss_update(fix, m.time);
         }
-        if let Some(baro) = &m.barometer {
-            self.use_barometer(baro, m.time);
+        if let Some(sample) = &m.barometer {
+            self.fuse_all(&[self.barometer_scalar(sample, m.time)]);
         }
         if let Some(field) = &m.magnetic_field_body_t {
-            self.use_magnetometer(field);
+            self.magnetometer_update(field);
         }
-        if let Some(altimeter) = &m.altimeter {
-            self.use_altimeter(altimeter, m.time);
+        if let Some(sample) = &m.altimeter {
+            self.altimeter_update(sample, m.time);
         }
-        self.guard(&before);
+        self.restore_if_not_finite(&before);
     }
 
     fn predict(&mut self, f: Vec3, w: Vec3, dt_s: f64) {
         let p = &self.parameters;
-        let n = &mut self.now;
+        let n = &mut self.state;
         // The sample is a mean over the interval: it acts at the attitude of its middle.
         let q_middle = n.q_ned_from_body * UnitQuaternion::from_scaled_axis(w * (0.5 * dt_s));
         let f_ned = q_middle * f;
@@ -399,128 +219,154 @@ impl Navigation {
         n.q_ned_from_body.renormalize();
         self.specific_force_body_m_s2 = f;
         self.rate_body_rad_s = w;
-
-        let r = *q_middle.to_rotation_matrix().matrix();
-        let velocity_from_tilt = -skew(f_ned) * dt_s;
-        let c = &mut self.covariance;
-        // Transition of the error, the half steps of the state in it. F P, row blocks from the top, so that every block still reads old rows below it; then (F P) Fᵀ.
-        for j in 0..STATES {
-            let mut column = c.column_mut(j);
-            let (th, bg, ba) = (
-                Vec3::new(column[TH], column[TH + 1], column[TH + 2]),
-                Vec3::new(column[BG], column[BG + 1], column[BG + 2]),
-                Vec3::new(column[BA], column[BA + 1], column[BA + 2]),
-            );
-            let dth = -(r * bg) * dt_s;
-            let dv = velocity_from_tilt * (th + dth * 0.5) - r * ba * dt_s;
-            for i in 0..3 {
-                column[P + i] += dt_s * (column[V + i] + 0.5 * dv[i]);
-                column[V + i] += dv[i];
-                column[TH + i] += dth[i];
-            }
-        }
-        for j in 0..STATES {
-            let mut row = c.row_mut(j);
-            let (th, bg, ba) = (
-                Vec3::new(row[TH], row[TH + 1], row[TH + 2]),
-                Vec3::new(row[BG], row[BG + 1], row[BG + 2]),
-                Vec3::new(row[BA], row[BA + 1], row[BA + 2]),
-            );
-            let dth = -(r * bg) * dt_s;
-            let dv = velocity_from_tilt * (th + dth * 0.5) - r * ba * dt_s;
-            for i in 0..3 {
-                row[P + i] += dt_s * (row[V + i] + 0.5 * dv[i]);
-                row[V + i] += dv[i];
-                row[TH + i] += dth[i];
-            }
-        }
-        // Rounding must not tear the halves apart.
-        for j in 0..STATES {
-            for i in j + 1..STATES {
-                c[(j, i)] = c[(i, j)];
-            }
-        }
-        // White noise of a sample, half as much again for vibration and integration; walks of the slow states.
-        let (velocity, angle) = (1.5 * p.accelerometer[0] * dt_s, 1.5 * p.gyroscope[0] * dt_s);
-        let drift = |std: f64| 2.0 * std * std / p.gnss.drift_time_s.max(1.0) * dt_s;
-        for i in 0..3 {
-            c[(V + i, V + i)] += velocity * velocity;
-            c[(TH + i, TH + i)] += angle * angle;
-            c[(BG + i, BG + i)] += p.gyroscope[2] * p.gyroscope[2] * dt_s;
-            c[(BA + i, BA + i)] += p.accelerometer[2] * p.accelerometer[2] * dt_s;
-            c[(DRIFT + i, DRIFT + i)] += drift(p.gnss.drift_std_m[usize::from(i == 2)]);
-        }
-        c[(HEADING, HEADING)] += HEADING_WALK_RAD_SQRT_S * HEADING_WALK_RAD_SQRT_S * dt_s;
-        c[(BARO, BARO)] += p.barometer_m[1] * p.barometer_m[1] * dt_s;
+        covariance::predict(&mut self.covariance, p, q_middle.to_rotation_matrix().matrix(), f_ned, dt_s);
     }
 
-    fn remember(&mut self, time: SimTime) {
-        // A faster unit does not shorten the memory: the newest entry moves along until it is far enough from the one before.
-        let before = &self.history[(self.newest + HISTORY - 1) % HISTORY];
-        if self.history[self.newest].time.since(before.time) >= HISTORY_SPACING {
-            self.newest = (self.newest + 1) % HISTORY;
+    fn zero_velocity_update(&mut self, ground: GroundState) {
+        if ground == GroundState::Unknown {
+            self.samples_at_rest = 0;
+            return;
         }
-        self.history[self.newest] = Past {
-            time,
-            position_ned_m: self.now.position_ned_m,
-            velocity_ned_m_s: self.now.velocity_ned_m_s,
-            q_ned_from_body: self.now.q_ned_from_body,
-            rate_body_rad_s: self.rate_body_rad_s,
-            corrected_position_m: self.corrected_position_m,
-            corrected_velocity_m_s: self.corrected_velocity_m_s,
-        };
+        self.samples_at_rest = self.samples_at_rest.wrapping_add(1);
+        if !self.samples_at_rest.is_multiple_of(ZERO_VELOCITY_INTERVAL) {
+            return;
+        }
+        self.fuse_all(&measurement::zero_velocity(&self.state));
+        if ground == GroundState::OnPad {
+            self.fuse_all(&measurement::pad_position(&self.parameters, &self.state));
+        }
     }
 
-    /// State `delay_s` before `time`, with what has been learnt since.
-    fn recall(&self, time: SimTime, delay_s: f64) -> Past {
-        let wanted = time.since(SimTime::from_s(delay_s));
-        let mut later = self.newest;
-        let mut earlier = self.newest;
-        for back in 0..HISTORY {
-            earlier = (self.newest + HISTORY - back) % HISTORY;
-            if self.history[earlier].time <= wanted || self.history[earlier].time == SimTime::ZERO {
-                break;
+    fn gnss_update(&mut self, fix: &GnssFix, time: SimTime) {
+        if fix.fix_type < 3 {
+            return;
+        }
+        let Some(scalars) = self.gnss_scalars(fix, time) else { return };
+        if self.fuse_all(&scalars) {
+            self.aiding.gnss_refused = 0;
+            self.aiding.gnss_silence_s = 0.0;
+            self.gnss_contradictions = 0;
+            return;
+        }
+        self.aiding.gnss_refused = self.aiding.gnss_refused.saturating_add(1);
+        self.gnss_contradictions += 1;
+        if self.gnss_contradictions >= GNSS_CONTRADICTIONS_MAX {
+            self.inflate_covariance();
+        }
+    }
+
+    fn magnetometer_update(&mut self, field_body_t: &Vec3) {
+        if let Some(scalar) = measurement::magnetometer(&self.parameters, &self.state, field_body_t) {
+            self.fuse_all(&[scalar]);
+        }
+    }
+
+    fn altimeter_update(&mut self, sample: &AltimeterSample, time: SimTime) {
+        let Some(scalar) = self.altimeter_scalar(sample, time) else { return };
+        if self.fuse_all(&[scalar]) {
+            self.altimeter_refused = 0;
+            self.aiding.altimeter_silence_s = 0.0;
+        } else {
+            self.altimeter_refused += 1;
+            if self.altimeter_refused >= ALTIMETER_REFUSED_MAX {
+                self.altimeter_refused = 0;
+                self.covariance[(POSITION + 2, POSITION + 2)] += 4.0;
             }
-            later = earlier;
         }
-        let (a, b) = (&self.history[earlier], &self.history[later]);
-        let corrected = |past: &Past| {
-            (
-                past.position_ned_m + self.corrected_position_m - past.corrected_position_m,
-                past.velocity_ned_m_s + self.corrected_velocity_m_s - past.corrected_velocity_m_s,
-            )
-        };
-        let span_s = b.time.since(a.time).s();
-        let u = if span_s > 0.0 && a.time <= wanted { wanted.since(a.time).s() / span_s } else { 1.0 };
-        let u = u.clamp(0.0, 1.0);
-        let ((pa, va), (pb, vb)) = (corrected(a), corrected(b));
-        Past { time: wanted, position_ned_m: pa + (pb - pa) * u, velocity_ned_m_s: va + (vb - va) * u, ..*b }
     }
 
-    /// Position and velocity become uncertain again, so that the next fixes pull them in.
+    /// `None` without a local origin.
+    fn gnss_scalars(&self, fix: &GnssFix, time: SimTime) -> Option<[Scalar; 6]> {
+        let datum = self.datum.as_ref()?;
+        let past = self.history.recall(time, self.parameters.gnss.delay_s);
+        let force = self.specific_force_body_m_s2;
+        Some(measurement::gnss(&self.parameters, &self.state, &past, force, datum, fix))
+    }
+
+    fn barometer_scalar(&self, sample: &BarometerSample, time: SimTime) -> Scalar {
+        let past = self.history.recall(time, self.parameters.barometer_delay_s);
+        measurement::barometer(&self.parameters, &self.state, &past, sample)
+    }
+
+    fn altimeter_scalar(&self, sample: &AltimeterSample, time: SimTime) -> Option<Scalar> {
+        let past = self.history.recall(time, self.parameters.altimeter_delay_s);
+        measurement::altimeter(&self.parameters, &past, self.altimeter_offset_m, sample)
+    }
+
+    /// Fuses the scalars of one measurement, each less what those before it have already explained; returns
+    /// whether all were accepted.
+    fn fuse_all(&mut self, scalars: &[Scalar]) -> bool {
+        let mut explained = ErrorVector::zeros();
+        let mut all = true;
+        for scalar in scalars {
+            let innovation = scalar.innovation - scalar.sensitivity.dot(&explained);
+            match self.fuse(&Scalar { innovation, ..*scalar }) {
+                Some(correction) => explained += correction,
+                None => all = false,
+            }
+        }
+        all
+    }
+
+    /// Fuses one scalar; returns the correction, `None` if the gate refused it.
+    fn fuse(&mut self, scalar: &Scalar) -> Option<ErrorVector> {
+        let Scalar { source, sensitivity, innovation, variance, gate } = scalar;
+        let ph = self.covariance * sensitivity;
+        let s = sensitivity.dot(&ph) + variance;
+        let square = innovation * innovation / s;
+        let sound = innovation.is_finite() && s.is_finite() && s > 0.0;
+        let tally = &mut self.tallies[*source as usize];
+        tally.count += 1;
+        tally.normalised_squares += if sound { square.min(gate * gate) } else { gate * gate };
+        if !sound || square > gate * gate {
+            self.health.rejected += 1;
+            return None;
+        }
+        let gain = ph / s;
+        // The optimal gain makes K s Kᵀ the whole decrease; one half is computed, so that symmetry is exact.
+        for j in 0..STATES {
+            for i in j..STATES {
+                let value = self.covariance[(i, j)] - gain[i] * ph[j];
+                self.covariance[(i, j)] = value;
+                self.covariance[(j, i)] = value;
+            }
+        }
+        for i in 0..STATES {
+            // A variance cannot fall below what round-off of the largest leaves of it.
+            if self.covariance[(i, i)] < 1e-14 {
+                self.covariance[(i, i)] = 1e-14;
+            }
+        }
+        let correction = gain * *innovation;
+        self.state.add(&correction);
+        self.history.correct(block(&correction, POSITION), block(&correction, VELOCITY));
+        Some(correction)
+    }
+
+    /// Makes position and velocity uncertain again, so that the next fixes are accepted.
     fn inflate_covariance(&mut self) {
         for i in 0..3 {
-            self.covariance[(P + i, P + i)] += 4.0;
-            self.covariance[(V + i, V + i)] += 0.25;
+            self.covariance[(POSITION + i, POSITION + i)] += 4.0;
+            self.covariance[(VELOCITY + i, VELOCITY + i)] += 0.25;
         }
         self.gnss_contradictions = 0;
         self.health.resets += 1;
     }
 
-    /// Nothing that is no number survives a step.
-    fn guard(&mut self, before: &Nominal) {
-        let sound = self.now.is_finite()
+    /// Restores the state before the step, with a new covariance, if a number is no longer finite.
+    fn restore_if_not_finite(&mut self, before: &NominalState) {
+        let sound = self.state.is_finite()
             && (0..STATES).all(|i| self.covariance[(i, i)].is_finite() && self.covariance[(i, i)] >= 0.0);
         if !sound {
-            self.now = *before;
-            self.covariance = self.initial_covariance(1.0);
+            self.state = *before;
+            self.covariance = covariance::initial(&self.parameters, before.q_ned_from_body, 1.0);
             self.inflate_covariance();
         }
     }
 
     /// Attitude.
     pub const fn q_ned_from_body(&self) -> UnitQuaternion<f64> {
-        self.now.q_ned_from_body
+        self.state.q_ned_from_body
     }
 
     /// Body rate, bias removed (rad/s).
@@ -533,25 +379,33 @@ impl Navigation {
         self.specific_force_body_m_s2
     }
 
-    /// Gyroscope bias (rad/s), accelerometer bias (m/s²), barometer offset (m).
-    pub const fn biases(&self) -> (Vec3, Vec3, f64) {
-        (self.now.gyro_bias_rad_s, self.now.accel_bias_m_s2, self.now.baro_offset_m)
+    /// Biases of the sensors.
+    pub const fn biases(&self) -> SensorBiases {
+        SensorBiases {
+            gyro_rad_s: self.state.gyro_bias_rad_s,
+            accel_m_s2: self.state.accel_bias_m_s2,
+            baro_m: self.state.baro_offset_m,
+        }
     }
 
-    /// Position and velocity of the point `body_m` of the vehicle (FRD from the pivot).
-    pub fn point(&self, body_m: Vec3) -> (Vec3, Vec3) {
+    /// Motion of the pivot.
+    pub fn pivot(&self) -> PointMotion {
+        self.point(Vec3::zeros())
+    }
+
+    /// Motion of the point `body_m` of the vehicle (FRD from the pivot).
+    pub fn point(&self, body_m: Vec3) -> PointMotion {
         let lever = body_m - self.parameters.imu_body_m;
-        let n = &self.now;
-        (
-            n.position_ned_m + n.q_ned_from_body * lever,
-            n.velocity_ned_m_s + n.q_ned_from_body * self.rate_body_rad_s.cross(&lever),
-        )
+        let n = &self.state;
+        PointMotion {
+            position_ned_m: n.position_ned_m + n.q_ned_from_body * lever,
+            velocity_ned_m_s: n.velocity_ned_m_s + n.q_ned_from_body * self.rate_body_rad_s.cross(&lever),
+        }
     }
 
-    /// Standard deviations of position (m), velocity (m/s) and attitude (rad), NED axes.
-    pub fn standard_deviations(&self) -> [Vec3; 3] {
-        let block = |at: usize| Vec3::from_fn(|i, _| self.covariance[(at + i, at + i)].max(0.0).sqrt());
-        [block(P), block(V), block(TH)]
+    /// Standard deviation of position, NED axes (m).
+    pub fn position_std_m(&self) -> Vec3 {
+        Vec3::from_fn(|i, _| self.covariance[(POSITION + i, POSITION + i)].max(0.0).sqrt())
     }
 
     /// Covariance of position, velocity and attitude, for consistency tests.
@@ -559,12 +413,12 @@ impl Navigation {
         self.covariance.fixed_view::<9, 9>(0, 0).into_owned()
     }
 
-    /// How long satellites and altimeter have been silent.
-    pub const fn sight(&self) -> AidingStatus {
-        self.sight
+    /// How recently satellite navigation and the altimeter have aided the filter.
+    pub const fn aiding(&self) -> AidingStatus {
+        self.aiding
     }
 
-    /// Innovations of a source against what the filter expected of them.
+    /// Innovations of a source relative to their expected variance.
     pub const fn tally(&self, source: Source) -> InnovationTally {
         self.tallies[source as usize]
     }
@@ -575,27 +429,11 @@ impl Navigation {
     }
 }
 
-/// Adds `from_tilt · θ` to the three error states at `at` of a covariance: both sides of `T C Tᵀ`.
-fn displace(c: &mut Covariance, at: usize, from_tilt: SMatrix<f64, 3, 3>) {
-    for j in 0..STATES {
-        let moved = from_tilt * Vec3::new(c[(TH, j)], c[(TH + 1, j)], c[(TH + 2, j)]);
-        for i in 0..3 {
-            c[(at + i, j)] += moved[i];
-        }
-    }
-    for j in 0..STATES {
-        let moved = from_tilt * Vec3::new(c[(j, TH)], c[(j, TH + 1)], c[(j, TH + 2)]);
-        for i in 0..3 {
-            c[(j, at + i)] += moved[i];
-        }
-    }
-}
-
 /// Level from the accelerometer, heading from the magnetometer where the field is known.
-fn attitude_at_rest(a: &Aligned, p: &NavigationParameters) -> UnitQuaternion<f64> {
+fn attitude_at_rest(a: &AlignmentResult, p: &NavigationParameters) -> UnitQuaternion<f64> {
     let down = -a.specific_force_body_m_s2;
     let level = UnitQuaternion::rotation_between(&down, &Vec3::z()).unwrap_or(UnitQuaternion::identity());
-    // Heading of body x after levelling, then turned to what the magnetometer says.
+    // Heading of body x after levelling, then corrected by the magnetometer.
     let forward = level * Vec3::x();
     let own = libm::atan2(forward.y, forward.x);
     let heading = match (a.field_body_t, p.magnetic_field_ned_t) {

@@ -1,34 +1,31 @@
-//! The vehicle as predictive control sees it: thirteen states of the deviation from a reference motion.
+//! The model of predictive control: thirteen states, the deviation from a reference motion.
 //!
-//! | states | what, as deviation from the reference | unit |
+//! | states | deviation of | unit |
 //! |---|---|---|
 //! | 0-2 | position of the centre of mass, heading frame | m |
 //! | 3-5 | its velocity | m/s |
-//! | 6-8 | attitude: the small rotation after the reference attitude, body axes, less the gimbal's share | 0.1 rad |
-//! | 9-11 | body rate, less the gimbal's share | 0.1 rad/s |
-//! | 12 | thrust behind its valve | kN |
+//! | 6-8 | attitude: small rotation from the reference attitude, body axes, less the recoil of the gimbal | 0.1 rad |
+//! | 9-11 | body rate, less the recoil | 0.1 rad/s |
+//! | 12 | thrust, which lags its command | kN |
 //!
 //! Inputs: thrust commanded (kN), gimbal angles about x and y (0.1 rad), roll torque (10 N m), all absolute.
-//! The heading frame is NED turned by the heading held, so that pitch and roll stay apart.
+//! The heading frame is NED rotated by the reference heading about the vertical.
 //!
-//! The swinging engine: a gimbal that turns by δ turns the body the same way by κ δ at once, with
-//! κ = (I_e + s_e l)/I, I_e and s_e the engine's inertia and first moment about the pivot and l the lever arm; that is where the
-//! zeros of torque over gimbal angle come from. The total angular momentum knows no such jump: attitude and
-//! rate of the model are θ - κ δ and ω - κ δ', whose second derivative is thrust times lever arm times angle over
-//! inertia and nothing else.
+//! Recoil of the swinging engine: a gimbal that turns by δ turns the body the same way by κ δ at once, with κ
+//! = (I_e + s_e l)/I, I_e and s_e the engine's inertia and first moment about the pivot and l the lever arm.
+//! It is the cause of the zeros of torque over gimbal angle. The total angular momentum does not change with
+//! it: attitude and rate of the model are θ - κ δ and ω - κ δ', whose second derivative is thrust times lever
+//! arm times angle over inertia.
 //!
-//! The reference is a motion of the model itself (thrust along the wanted specific force, trim angles that balance the
-//! disturbance), so its deviation is linear without a constant, but for the angular acceleration that
-//! turning the reference attitude takes. Matrices are exact for coefficients held over a stage, with the turning of the
-//! reference to third order. Source: exact integration of the chain torque, rate, attitude, velocity, position; thrust
-//! is a first-order lag.
+//! The reference is a motion of the model itself (thrust along the demanded specific force, trim angles that
+//! balance the disturbance), so the deviation is linear; its only constant term is the change of the
+//! reference's body rate. The matrices are exact for coefficients held over a stage, with the rotation of the
+//! reference to third order. Source: exact integration of the chain torque, rate, attitude, velocity,
+//! position; thrust is a first-order lag.
 
-use crate::frame::{Mat3, Vec3};
+use crate::autopilot::mpc::{INPUTS, Linear, STATES};
+use crate::frame::{Mat3, Vec3, skew};
 
-/// Number of states.
-pub const STATES: usize = 13;
-/// Number of inputs.
-pub const INPUTS: usize = 4;
 /// Radians in one unit of angle and of rate.
 pub const ANGLE_RAD: f64 = 0.1;
 /// Newtons in one unit of thrust.
@@ -36,24 +33,64 @@ pub const THRUST_N: f64 = 1000.0;
 /// Newton metres in one unit of roll torque.
 pub const TORQUE_N_M: f64 = 10.0;
 
-/// What the model needs to know of the vehicle at this moment.
+/// The vehicle at one mass, as the model needs it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Airframe {
     /// Mass (kg).
     pub mass_kg: f64,
     /// Principal moments about the centre of mass, FRD x, y, z (kg m²).
     pub inertia_kg_m2: [f64; 3],
-    /// Gimbal pivot under the centre of mass (m), with the shift of the centre that the engine's own swing causes.
+    /// From the centre of mass down to the gimbal pivot (m), plus the shift of the centre that the swinging
+    /// engine causes.
     pub lever_arm_m: f64,
-    /// Share of a gimbal angle by which the body turns at once, axes x and y.
+    /// Rotation of the body per gimbal angle, at once, axes x and y.
     pub recoil: [f64; 2],
     /// Lag of thrust behind its command (s).
     pub thrust_lag_s: f64,
 }
 
-/// Attitude and thrust that a reference acceleration asks for, in the heading frame.
+/// Inputs of the model in SI units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Control {
+    /// Thrust (N).
+    pub thrust_n: f64,
+    /// Gimbal angles about x and y (rad).
+    pub gimbal_rad: [f64; 2],
+    /// Roll torque (N m).
+    pub roll_torque_n_m: f64,
+}
+
+impl Control {
+    /// In the units of the model.
+    pub fn scaled(&self) -> [f64; INPUTS] {
+        [
+            self.thrust_n / THRUST_N,
+            self.gimbal_rad[0] / ANGLE_RAD,
+            self.gimbal_rad[1] / ANGLE_RAD,
+            self.roll_torque_n_m / TORQUE_N_M,
+        ]
+    }
+
+    /// From the units of the model.
+    pub fn from_scaled(u: &[f64; INPUTS]) -> Self {
+        Self {
+            thrust_n: u[0] * THRUST_N,
+            gimbal_rad: [u[1] * ANGLE_RAD, u[2] * ANGLE_RAD],
+            roll_torque_n_m: u[3] * TORQUE_N_M,
+        }
+    }
+
+    /// Every component is finite.
+    pub fn is_finite(&self) -> bool {
+        self.thrust_n.is_finite()
+            && self.gimbal_rad.iter().all(|x| x.is_finite())
+            && self.roll_torque_n_m.is_finite()
+    }
+}
+
+/// Thrust, and the attitude that points it, for a reference acceleration; heading frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Pose {
+pub struct ThrustAttitude {
     /// Thrust (N).
     pub thrust_n: f64,
     /// Body axes in the heading frame.
@@ -62,14 +99,15 @@ pub struct Pose {
     pub tilt_rad: [f64; 2],
 }
 
-impl Pose {
-    /// For a specific force of the engine (m/s², heading frame) on this mass. The least turn that brings the long axis there.
+impl ThrustAttitude {
+    /// For a specific force of the engine (m/s², heading frame) on this mass, by the shortest rotation of the
+    /// long axis.
     pub fn of(specific_force_m_s2: Vec3, mass_kg: f64) -> Self {
         let size = specific_force_m_s2.norm();
         let down = if size > 1e-3 { -specific_force_m_s2 / size } else { Vec3::z() };
-        // A reference that hangs upside down is none: keep the axis in the upper half.
+        // A reference upside down is not valid: keep the axis in the upper half.
         let down = if down.z > 0.1 { down } else { Vec3::z() };
-        let turn = crate::frame::skew(Vec3::new(-down.y, down.x, 0.0));
+        let turn = skew(Vec3::new(-down.y, down.x, 0.0));
         Self {
             thrust_n: mass_kg * size,
             heading_from_body: Mat3::identity() + turn + turn * turn / (1.0 + down.z),
@@ -82,7 +120,7 @@ impl Pose {
         self.heading_from_body.column(2).into_owned()
     }
 
-    /// Mean body rate that takes this pose to the `next` in `dt_s` (rad/s).
+    /// Mean body rate from this attitude to the `next` in `dt_s` (rad/s).
     pub fn rate_body_rad_s(&self, next: &Self, dt_s: f64) -> Vec3 {
         let across = self.down().cross(&next.down());
         let sine = across.norm();
@@ -92,32 +130,31 @@ impl Pose {
     }
 }
 
-/// `x' = A x + B u + c` over one stage, scaled units, as plain arrays.
+/// `x⁺ = A x + B (u - u_trim) + c` over one stage, in the units of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stage {
-    /// Of the state.
-    pub a: [[f64; STATES]; STATES],
-    /// Of the input, less its trim.
-    pub b: [[f64; INPUTS]; STATES],
-    /// Constant.
-    pub c: [f64; STATES],
+pub struct StageModel {
+    /// A and B.
+    pub linear: Linear,
+    /// The constant c.
+    pub constant: [f64; STATES],
 }
 
-/// One stage of `dt_s` about a pose that turns at `rate_body_rad_s` and has to gain `rate_change_rad_s` in body rate by
-/// its end.
-pub fn stage(
+/// One stage of `dt_s` about a reference attitude that turns at `rate_body_rad_s` and whose body rate changes
+/// by `rate_change_rad_s` during the stage.
+pub fn stage_model(
     airframe: &Airframe,
-    pose: &Pose,
+    reference: &ThrustAttitude,
     rate_body_rad_s: Vec3,
     rate_change_rad_s: Vec3,
     dt_s: f64,
-) -> Stage {
+) -> StageModel {
     let h = dt_s;
-    let (mass, thrust_n) = (airframe.mass_kg, pose.thrust_n);
-    let r = pose.heading_from_body;
+    let (mass, thrust_n) = (airframe.mass_kg, reference.thrust_n);
+    let r = reference.heading_from_body;
 
-    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is seen from a turning frame.
-    let w = crate::frame::skew(rate_body_rad_s);
+    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is relative to a turning
+    // frame.
+    let w = skew(rate_body_rad_s);
     let (w2, one) = (w * w, Mat3::identity());
     let e0 = one - w * h + w2 * (0.5 * h * h) - w2 * w * (h * h * h / 6.0);
     let e1 = (one - w * (h / 2.0) + w2 * (h * h / 6.0)) * h;
@@ -141,9 +178,10 @@ pub fn stage(
     let decay = libm::exp(-h / tau);
     let (f1, f2) = (tau * (1.0 - decay), tau * (h - tau * (1.0 - decay)));
     let (g1, g2) = (h - f1, 0.5 * h * h - f2);
-    let along = -pose.down() / mass; // m/s² per N
+    let along = -reference.down() / mass; // m/s² per N
 
-    let mut s = Stage { a: [[0.0; STATES]; STATES], b: [[0.0; INPUTS]; STATES], c: [0.0; STATES] };
+    let mut s = Linear::default();
+    let mut constant = [0.0; STATES];
     let angle = ANGLE_RAD;
     let (tilt_e1, tilt_e2, tilt_e3) = (tilt * e1, tilt * e2, tilt * e3);
     let (speed_from, place_from) = (tilt * e3 * turn, tilt * e4 * turn);
@@ -171,11 +209,11 @@ pub fn stage(
         s.a[3 + i][12] = along[i] * f1 * THRUST_N;
         s.b[i][0] = along[i] * g2 * THRUST_N;
         s.b[3 + i][0] = along[i] * g1 * THRUST_N;
-        s.c[9 + i] = -rate_change_rad_s[i] / angle;
+        constant[9 + i] = -rate_change_rad_s[i] / angle;
     }
     s.a[12][12] = decay;
     s.b[12][0] = 1.0 - decay;
-    s
+    StageModel { linear: s, constant }
 }
 
 #[cfg(test)]
@@ -194,7 +232,8 @@ mod tests {
 
     type Point = SVector<f64, STATES>;
 
-    /// The model before any linearisation, rates of [p v R ω T] in SI, attitude as rotation matrix; inputs SI.
+    /// The model before any linearisation, rates of [p v R ω T] in SI, attitude as rotation matrix; inputs
+    /// SI.
     struct Motion {
         p: Vec3,
         v: Vec3,
@@ -217,21 +256,21 @@ mod tests {
         (force, turn, (u[0] - m.thrust_n) / a.thrust_lag_s)
     }
 
-    /// Deviation after a stage from one before it: the full motion by fine steps, less the reference's. The reference turns
-    /// steadily at its rate, carried by thrust along its axis.
-    fn fly(deviation: &Point, input: &[f64; 4], pose: &Pose, rate: Vec3, h: f64) -> Point {
+    /// Deviation after a stage from one before it: the full motion by fine steps, less the reference's. The
+    /// reference turns steadily at its rate, carried by thrust along its axis.
+    fn fly(deviation: &Point, input: &[f64; 4], attitude: &ThrustAttitude, rate: Vec3, h: f64) -> Point {
         let d = |i: usize| Vec3::new(deviation[i], deviation[i + 1], deviation[i + 2]);
         let mut m = Motion {
             p: d(0),
             v: d(3),
-            r: pose.heading_from_body * Rotation3::new(d(6) * ANGLE_RAD).matrix(),
+            r: attitude.heading_from_body * Rotation3::new(d(6) * ANGLE_RAD).matrix(),
             w: rate + d(9) * ANGLE_RAD,
-            thrust_n: pose.thrust_n + deviation[12] * THRUST_N,
+            thrust_n: attitude.thrust_n + deviation[12] * THRUST_N,
         };
         let (mut reference_v, mut reference_p, mut reference_r) =
-            (Vec3::zeros(), Vec3::zeros(), pose.heading_from_body);
+            (Vec3::zeros(), Vec3::zeros(), attitude.heading_from_body);
         let u = [
-            pose.thrust_n + input[0] * THRUST_N,
+            attitude.thrust_n + input[0] * THRUST_N,
             input[1] * ANGLE_RAD,
             input[2] * ANGLE_RAD,
             input[3] * TORQUE_N_M,
@@ -256,8 +295,9 @@ mod tests {
             m.thrust_n += dn_middle * dt;
             let half = reference_r * Rotation3::new(rate * (0.5 * dt)).matrix();
             // The linearisation holds the reference's axis over the stage.
-            let wanted =
-                -pose.heading_from_body.column(2).into_owned() * (pose.thrust_n / AIRFRAME.mass_kg) + GRAVITY;
+            let wanted = -attitude.heading_from_body.column(2).into_owned()
+                * (attitude.thrust_n / AIRFRAME.mass_kg)
+                + GRAVITY;
             reference_p += (reference_v + wanted * (0.5 * dt)) * dt;
             reference_v += wanted * dt;
             reference_r = half * Rotation3::new(rate * (0.5 * dt)).matrix();
@@ -273,18 +313,18 @@ mod tests {
             out[6 + i] = small[i] / ANGLE_RAD;
             out[9 + i] = (m.w[i] - rate[i]) / ANGLE_RAD;
         }
-        out[12] = (m.thrust_n - pose.thrust_n) / THRUST_N;
+        out[12] = (m.thrust_n - attitude.thrust_n) / THRUST_N;
         out
     }
 
     #[test]
     fn stage_matrices_are_the_derivatives_of_the_full_motion() {
-        let pose = Pose::of(Vec3::new(0.8, -1.1, -9.0), AIRFRAME.mass_kg);
+        let attitude = ThrustAttitude::of(Vec3::new(0.8, -1.1, -9.0), AIRFRAME.mass_kg);
         for rate in [Vec3::zeros(), Vec3::new(0.08, -0.05, 0.0)] {
-            let s = stage(&AIRFRAME, &pose, rate, Vec3::zeros(), 0.05);
+            let s = stage_model(&AIRFRAME, &attitude, rate, Vec3::zeros(), 0.05);
             let step = 1e-4;
-            // The thrust turns with the body while the linearisation holds the reference's axis: half the turn of a stage, of
-            // the 13.3 m/s² that a kilonewton gives 75 kg, over a stage.
+            // The thrust turns with the body while the linearisation holds the reference's axis: half the
+            // turn of a stage, of the 13.3 m/s² that a kilonewton gives 75 kg, over a stage.
             let slack = 1e-6 + 0.5 * rate.norm() * 0.05 * 13.3 * 0.05;
             for column in 0..STATES + INPUTS {
                 let at = |sign: f64| {
@@ -294,11 +334,15 @@ mod tests {
                     } else {
                         u[column - STATES] = sign * step
                     }
-                    fly(&x, &u, &pose, rate, 0.05)
+                    fly(&x, &u, &attitude, rate, 0.05)
                 };
                 let derivative = (at(1.0) - at(-1.0)) / (2.0 * step);
                 for row in 0..STATES {
-                    let own = if column < STATES { s.a[row][column] } else { s.b[row][column - STATES] };
+                    let own = if column < STATES {
+                        s.linear.a[row][column]
+                    } else {
+                        s.linear.b[row][column - STATES]
+                    };
                     assert!(
                         (own - derivative[row]).abs() < slack,
                         "row {row} column {column}: {own} against {}",
@@ -310,12 +354,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_carries_the_specific_force() {
+    fn the_attitude_carries_the_specific_force() {
         let f = Vec3::new(0.9, -0.4, -9.3);
-        let pose = Pose::of(f, 70.0);
-        assert!((pose.heading_from_body * Vec3::new(0.0, 0.0, -pose.thrust_n / 70.0) - f).norm() < 1e-12);
-        assert!((pose.heading_from_body.determinant() - 1.0).abs() < 1e-12);
+        let attitude = ThrustAttitude::of(f, 70.0);
+        assert!(
+            (attitude.heading_from_body * Vec3::new(0.0, 0.0, -attitude.thrust_n / 70.0) - f).norm() < 1e-12
+        );
+        assert!((attitude.heading_from_body.determinant() - 1.0).abs() < 1e-12);
         // Leaning forward is a negative turn about y.
-        assert!(pose.tilt_rad[1] < 0.0 && pose.tilt_rad[0] < 0.0);
+        assert!(attitude.tilt_rad[1] < 0.0 && attitude.tilt_rad[0] < 0.0);
     }
 }

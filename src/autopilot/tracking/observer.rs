@@ -1,14 +1,15 @@
-//! What the model leaves out, learnt from what the vehicle does: a force and an offset of the thrust line.
+//! Disturbance observers: a force and an offset of the thrust line, estimated from the motion.
 //!
-//! Two Luenberger observers run beside the motion, each with a constant unknown: velocity with a force per mass (wind,
-//! accelerometer bias, wrong mass), angular momentum with an offset of the thrust line from the centre of mass (mass off
-//! the axis, crooked thrust). Fed back as part of the model they make predictive control free of offset, since
-//! at rest an observer with a constant disturbance reproduces what it sees. The offset is in metres because what causes it
-//! scales with thrust. Source: Pannocchia and Rawlings, "Disturbance models for offset-free model-predictive control", 2003.
+//! Two Luenberger observers, each with a constant unknown: velocity with a force per mass (wind,
+//! accelerometer bias, wrong mass), angular momentum with an offset of the thrust line from the centre of
+//! mass (mass off the axis, misaligned thrust). As part of the model they make predictive control free of
+//! steady-state error, since in a steady state such an observer reproduces the measured motion. The offset is
+//! a length because its effect scales with thrust. Source: Pannocchia and Rawlings, "Disturbance models for
+//! offset-free model-predictive control", 2003.
 
-use super::model::Airframe;
+use super::model::{Airframe, Control};
+use crate::autopilot::rigid_body::MotionEstimate;
 use crate::frame::Vec3;
-use nalgebra::UnitQuaternion;
 
 /// Second-order servo of one gimbal axis, as the flight computer models it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +25,7 @@ pub struct ServoParameters {
 }
 
 impl ServoParameters {
-    /// Time by which a slow command is followed late (s).
+    /// Delay in following a slow command (s).
     pub fn latency_s(&self) -> f64 {
         self.delay_s + 2.0 * self.damping_ratio / self.natural_frequency_rad_s.max(1.0)
     }
@@ -40,7 +41,8 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// Advances toward a command, in steps that a servo of 20 Hz still resolves; a command that is no number moves nothing.
+    /// Advances toward a command, in steps that a servo of 20 Hz still resolves; a command that is not finite
+    /// moves nothing.
     pub fn step(&mut self, p: &ServoParameters, command_rad: f64, dt_s: f64) {
         const SUBSTEPS: u32 = 4;
         let h = dt_s / f64::from(SUBSTEPS);
@@ -56,39 +58,24 @@ impl Servo {
     }
 }
 
-/// Motion as estimated by navigation.
-#[derive(Clone, Copy, Debug)]
-pub struct MotionEstimate {
-    /// Position of the centre of mass (m).
-    pub position_ned_m: Vec3,
-    /// Its velocity (m/s).
-    pub velocity_ned_m_s: Vec3,
-    /// Attitude.
-    pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate (rad/s).
-    pub rate_body_rad_s: Vec3,
-    /// Thrust (N).
-    pub thrust_n: f64,
-}
-
 /// Poles of the observers (rad/s): the force at the pace of the wind, the moment under the liquid's 14 rad/s,
 /// about the long axis at the pace of the thrusters' pulses.
 const MOMENT_POLES_RAD_S: [f64; 3] = [4.0, 4.0, 1.0];
 const FORCE_POLE_RAD_S: f64 = 1.5;
-/// Bounds of what is believed: a sixth of gravity, five centimetres.
+/// Bounds of the estimates: a sixth of gravity, five centimetres.
 const FORCE_LIMIT_M_S2: f64 = 1.6;
 const OFFSET_LIMIT_M: f64 = 0.05;
-/// Bound of the roll moment believed (N m).
+/// Bound of the roll moment (N m).
 const ROLL_LIMIT_N_M: f64 = 2.0;
 
-/// Disturbances and the gimbal's whereabouts.
+/// Estimated disturbances and gimbal angles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Observer {
-    /// Force per mass that the model does not know (m/s², NED).
+    /// Disturbance force per mass (m/s²).
     pub force_ned_m_s2: Vec3,
     /// Lever arms of the thrust about body x and y with the gimbal at zero (m).
     pub thrust_offset_m: [f64; 2],
-    /// Moment about the long axis (N m).
+    /// Disturbance moment about the long axis (N m).
     pub roll_moment_n_m: f64,
     /// Gimbal servos, x and y.
     pub servos: [Servo; 2],
@@ -98,7 +85,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// The gimbal alone: on the ground nothing is learnt.
+    /// Follows the gimbal alone: on the ground no disturbance is estimated.
     pub fn follow_gimbal(&mut self, servo: &ServoParameters, command_rad: [f64; 2], dt_s: f64) {
         for (axis, command) in self.servos.iter_mut().zip(command_rad) {
             axis.step(servo, command, dt_s);
@@ -106,40 +93,40 @@ impl Observer {
         self.running = false;
     }
 
-    /// One step in free flight with the gimbal commands and the roll moment in force.
+    /// One step in free flight with the command in force.
     pub fn step(
         &mut self,
         servo: &ServoParameters,
         airframe: &Airframe,
         gravity_m_s2: f64,
-        command: ([f64; 2], f64),
-        seen: &MotionEstimate,
+        command: &Control,
+        motion: &MotionEstimate,
         dt_s: f64,
     ) {
-        let (gimbal_rad, roll_n_m) = command;
-        let momentum_rate = self.momentum_rate(airframe, seen);
+        let momentum_rate = self.momentum_rate(airframe, motion);
         if !self.running {
-            self.velocity_ned_m_s = seen.velocity_ned_m_s;
+            self.velocity_ned_m_s = motion.velocity_ned_m_s;
             self.rate_body_rad_s = momentum_rate;
             self.running = true;
         }
         let [x, y] = self.servos;
         let (sin_x, sin_y) = (libm::sin(x.angle_rad), libm::sin(y.angle_rad));
-        let push = Vec3::new(sin_y, -sin_x, -1.0) * (seen.thrust_n / airframe.mass_kg.max(1.0));
-        let expected = seen.q_ned_from_body * push + Vec3::new(0.0, 0.0, gravity_m_s2) + self.force_ned_m_s2;
-        let error = seen.velocity_ned_m_s - self.velocity_ned_m_s;
+        let push = Vec3::new(sin_y, -sin_x, -1.0) * (motion.thrust_n / airframe.mass_kg.max(1.0));
+        let expected =
+            motion.q_ned_from_body * push + Vec3::new(0.0, 0.0, gravity_m_s2) + self.force_ned_m_s2;
+        let error = motion.velocity_ned_m_s - self.velocity_ned_m_s;
         let w = FORCE_POLE_RAD_S;
         self.velocity_ned_m_s += (expected + error * (2.0 * w)) * dt_s;
         self.force_ned_m_s2 = (self.force_ned_m_s2 + error * (w * w * dt_s))
             .map(|a| a.clamp(-FORCE_LIMIT_M_S2, FORCE_LIMIT_M_S2));
 
         let [ix, iy, iz] = airframe.inertia_kg_m2;
-        let (t, l) = (seen.thrust_n, airframe.lever_arm_m);
+        let (t, l) = (motion.thrust_n, airframe.lever_arm_m);
         let [offset_x, offset_y] = self.thrust_offset_m;
         let moment = Vec3::new(
             t * (l * sin_x + offset_x),
             t * (l * sin_y + offset_y),
-            roll_n_m + self.roll_moment_n_m,
+            command.roll_torque_n_m + self.roll_moment_n_m,
         );
         let spin = Vec3::new(ix * momentum_rate.x, iy * momentum_rate.y, iz * momentum_rate.z);
         let torque = moment - momentum_rate.cross(&spin);
@@ -148,7 +135,7 @@ impl Observer {
         let acceleration = Vec3::new(torque.x / ix, torque.y / iy, torque.z / iz);
         let pull = Vec3::new(2.0 * wx * error.x, 2.0 * wy * error.y, 2.0 * wz * error.z);
         self.rate_body_rad_s += (acceleration + pull) * dt_s;
-        // Thrust divides what the moment says; without thrust the gain stays bounded.
+        // The offset is moment over thrust; at low thrust the gain stays bounded.
         let per_thrust = dt_s / t.max(100.0);
         self.thrust_offset_m = [
             (offset_x + error.x * ix * wx * wx * per_thrust).clamp(-OFFSET_LIMIT_M, OFFSET_LIMIT_M),
@@ -156,7 +143,7 @@ impl Observer {
         ];
         self.roll_moment_n_m =
             (self.roll_moment_n_m + error.z * iz * wz * wz * dt_s).clamp(-ROLL_LIMIT_N_M, ROLL_LIMIT_N_M);
-        for (axis, command) in self.servos.iter_mut().zip(gimbal_rad) {
+        for (axis, command) in self.servos.iter_mut().zip(command.gimbal_rad) {
             axis.step(servo, command, dt_s);
         }
         if !(self.velocity_ned_m_s.iter().chain(self.rate_body_rad_s.iter()).all(|x| x.is_finite())
@@ -172,10 +159,10 @@ impl Observer {
         self.thrust_offset_m.map(|offset| -offset / airframe.lever_arm_m.max(0.05))
     }
 
-    /// Body rate without the part that the gimbal's own motion gives it.
-    pub fn momentum_rate(&self, airframe: &Airframe, seen: &MotionEstimate) -> Vec3 {
+    /// Body rate less the recoil of the gimbal's motion (rad/s).
+    pub fn momentum_rate(&self, airframe: &Airframe, motion: &MotionEstimate) -> Vec3 {
         let [kx, ky] = airframe.recoil;
         let [x, y] = self.servos;
-        seen.rate_body_rad_s - Vec3::new(kx * x.rate_rad_s, ky * y.rate_rad_s, 0.0)
+        motion.rate_body_rad_s - Vec3::new(kx * x.rate_rad_s, ky * y.rate_rad_s, 0.0)
     }
 }

@@ -1,43 +1,44 @@
-//! The gate between solver and flight: an answer passes that is optimal, tight, and flies where it says.
+//! Verification between solver and flight: a solution is accepted if it is optimal, tight, and reaches its
+//! target.
 //!
-//! "Solved" alone is not enough. Where the least thrust exceeds the weight the relaxation is not tight, and the
-//! solver still reports an optimum: of a vehicle that burns more than its thrust. In discrete time a few loose
-//! nodes may remain in other cases too (Luo, Echigo and Açıkmeşe, "Revisiting Lossless Convexification:
-//! Theoretical Guarantees for Discrete-time Optimal Control Problems", 2024). So σ = |u| is measured, and the
-//! thrust is flown through the exact mass equation m' = -α T by RK4.
+//! "Solved" alone is not enough. Where the least thrust exceeds the weight the relaxation is not tight, and
+//! the solver still reports an optimum: of a vehicle whose mass flow exceeds what its thrust needs. In
+//! discrete time a few loose nodes may remain in other cases too (Luo, Echigo and Açıkmeşe, "Revisiting
+//! Lossless Convexification: Theoretical Guarantees for Discrete-time Optimal Control Problems", 2024). So σ
+//! = |u| is checked, and the planned thrust is integrated with the exact mass equation m' = -α T by RK4.
 
-use super::conic::Status;
+use super::conic::{self, Accuracy, Solution, Status};
 use super::problem::Problem;
-use super::transcription::{Motion, Objective};
+use super::transcription::{Motion, Objective, program};
 use crate::frame::Vec3;
 use crate::integrator::{Integrable, rk4_step};
 
-/// Greatest (σ - |u|)/σ of a tight answer.
-pub const GAP_MAX: f64 = 1e-3;
-/// Farthest end of the flown motion from the target (m).
-pub const MISS_MAX_M: f64 = 0.2;
-/// Greatest error of its end velocity (m/s).
-pub const MISS_MAX_M_S: f64 = 0.1;
-/// Share of a thrust limit by which a node may pass it: solver accuracy.
+/// Greatest (σ - |u|)/σ of a tight solution.
+const GAP_MAX: f64 = 1e-3;
+/// Greatest distance of the integrated end from the target (m).
+const MISS_MAX_M: f64 = 0.2;
+/// Greatest error of the end velocity (m/s).
+const MISS_MAX_M_S: f64 = 0.1;
+/// Share of a thrust limit by which a node may exceed it: solver accuracy.
 const NODE_SHARE: f64 = 1e-3;
-/// The same halfway between nodes. Direction turns there: between two thrusts on the floor at opposite tilts of
-/// 12 deg it is short by 1 - cos 12 deg, 2.2 %.
+/// The same halfway between nodes. Direction turns there: between two thrusts on the floor at opposite tilts
+/// of 12 deg it is short by 1 - cos 12 deg, 2.2 %.
 const MIDPOINT_SHARE: f64 = 0.03;
-/// Steps of the flown motion between two nodes.
+/// Integration steps between two nodes.
 const SUBSTEPS: usize = 4;
 
-/// Figures of an answer that passed.
+/// Figures of an accepted solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Passed {
+pub struct Quality {
     /// Greatest (σ - |u|)/σ over the nodes.
     pub gap: f64,
-    /// Distance of the flown end from the planned one (m).
+    /// Distance of the integrated end from the planned one (m).
     pub miss_m: f64,
-    /// Difference of the flown end velocity from the planned one (m/s).
+    /// Difference of the integrated end velocity from the planned one (m/s).
     pub miss_m_s: f64,
 }
 
-/// Why an answer did not pass.
+/// Why a solution is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Rejection {
     /// Not solved.
@@ -45,7 +46,7 @@ pub enum Rejection {
     NotSolved(Status),
     /// The relaxation is not tight, and thrust leaves its band with it.
     #[error("bound of thrust exceeds thrust by {gap} of it, {GAP_MAX} is allowed; thrust leaves its band")]
-    Loose {
+    NotTight {
         /// Greatest (σ - |u|)/σ.
         gap: f64,
     },
@@ -59,17 +60,17 @@ pub enum Rejection {
         /// Upper end with its tolerance (N).
         high_n: f64,
     },
-    /// Flown with the exact mass equation it ends elsewhere.
+    /// Integrated with the exact mass equation it ends beside the target.
     #[error("flown with exact mass it ends {miss_m} m and {miss_m_s} m/s off")]
-    Missed {
+    TargetMissed {
         /// Distance (m).
         miss_m: f64,
         /// Difference of velocity (m/s).
         miss_m_s: f64,
     },
-    /// It burns what is not there.
+    /// It burns more propellant than is on board.
     #[error("it ends at {mass_kg} kg, below the dry {dry_mass_kg} kg")]
-    TooLight {
+    BelowDryMass {
         /// Mass at the end (kg).
         mass_kg: f64,
         /// Dry mass (kg).
@@ -77,19 +78,47 @@ pub enum Rejection {
     },
 }
 
-/// Checks a solved motion. Nodes may be loose if thrust lies in its band at all nodes and halfway between them: then
-/// only the fuel is more than it need be, and what is flown is still what was planned.
-pub fn check(problem: &Problem, objective: Objective, motion: &Motion) -> Result<Passed, Rejection> {
+/// A problem solved over one flight time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FixedTimeSolution {
+    /// Solution of the cone program.
+    pub solution: Solution,
+    /// The same as a motion, if solved.
+    pub motion: Option<Motion>,
+    /// Of the verification.
+    pub verdict: Result<Quality, Rejection>,
+}
+
+/// Solves a problem over one flight time (s) and verifies the solution.
+pub fn solve(
+    problem: &Problem,
+    objective: Objective,
+    flight_time_s: f64,
+    accuracy: Accuracy,
+) -> FixedTimeSolution {
+    let solution = conic::solve(&program(problem, objective, flight_time_s), accuracy);
+    if solution.status != Status::Solved {
+        let verdict = Err(Rejection::NotSolved(solution.status));
+        return FixedTimeSolution { solution, motion: None, verdict };
+    }
+    let motion = Motion::new(problem, flight_time_s, &solution.x);
+    let verdict = check(problem, objective, &motion);
+    FixedTimeSolution { solution, motion: Some(motion), verdict }
+}
+
+/// Checks a solved motion. Nodes need not be tight if thrust lies in its band at all nodes and halfway
+/// between them: then the motion costs more fuel than necessary, but can be flown as planned.
+fn check(problem: &Problem, objective: Objective, motion: &Motion) -> Result<Quality, Rejection> {
     let gap = gap(motion);
     if let Some(outside) = outside_band(problem, motion) {
-        return Err(if gap <= GAP_MAX { outside } else { Rejection::Loose { gap } });
+        return Err(if gap <= GAP_MAX { outside } else { Rejection::NotTight { gap } });
     }
     let (mass_kg, dry_mass_kg) = (problem.start.mass_kg - motion.fuel_kg(), problem.engine.dry_mass_kg);
     // The solver meets ln m to its accuracy.
     if mass_kg < dry_mass_kg * (1.0 - 1e-6) {
-        return Err(Rejection::TooLight { mass_kg, dry_mass_kg });
+        return Err(Rejection::BelowDryMass { mass_kg, dry_mass_kg });
     }
-    let (position, velocity) = flown(problem, motion);
+    let (position, velocity) = integrated_end(problem, motion);
     let mut planned = problem.target.position_ned_m;
     if objective == Objective::LandingError {
         let landing = motion.position_ned_m[motion.position_ned_m.len() - 1];
@@ -98,14 +127,14 @@ pub fn check(problem: &Problem, objective: Objective, motion: &Motion) -> Result
     let miss_m = (position - planned).norm();
     let miss_m_s = (velocity - problem.target.velocity_ned_m_s).norm();
     if miss_m <= MISS_MAX_M && miss_m_s <= MISS_MAX_M_S {
-        Ok(Passed { gap, miss_m, miss_m_s })
+        Ok(Quality { gap, miss_m, miss_m_s })
     } else {
-        Err(Rejection::Missed { miss_m, miss_m_s })
+        Err(Rejection::TargetMissed { miss_m, miss_m_s })
     }
 }
 
 /// Greatest (σ - |u|)/σ over the nodes.
-pub fn gap(motion: &Motion) -> f64 {
+fn gap(motion: &Motion) -> f64 {
     let pairs = motion.bound_m_s2.iter().zip(&motion.thrust_acceleration_ned_m_s2);
     pairs.map(|(sigma, u)| (sigma - u.norm()) / sigma).fold(0.0, f64::max)
 }
@@ -127,7 +156,7 @@ fn outside_band(problem: &Problem, motion: &Motion) -> Option<Rejection> {
 }
 
 /// End of the motion under the planned thrust, its mass by the exact equation: position (m), velocity (m/s).
-pub fn flown(problem: &Problem, motion: &Motion) -> (Vec3, Vec3) {
+fn integrated_end(problem: &Problem, motion: &Motion) -> (Vec3, Vec3) {
     let alpha = problem.engine.mass_flow_per_thrust_s_m;
     let g = problem.gravity_ned_m_s2();
     let h = motion.step_s / SUBSTEPS as f64;
@@ -157,7 +186,7 @@ pub fn flown(problem: &Problem, motion: &Motion) -> (Vec3, Vec3) {
     (state.position_ned_m, state.velocity_ned_m_s)
 }
 
-/// State, and its rate in the same fields, of a point that burns.
+/// State of a point of changing mass, and its rate in the same fields.
 #[derive(Clone, Copy)]
 struct PointMass {
     position_ned_m: Vec3,
