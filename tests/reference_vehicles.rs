@@ -115,7 +115,7 @@ fn the_gt_engine_is_near_its_published_operating_points() {
 #[test]
 fn the_gt_lander_flies_the_hop() {
     for seed in [1, 2] {
-        let report = simulation::fly(&scenario("hop_50m_gt", &[]), seed, |_| {}).unwrap().report(false);
+        let report = simulation::fly(&scenario("hop_50m_gt", &[]), seed, |_| {}).unwrap().report();
         assert!(report.expect.passed, "seed {seed}: {:?}", report.expect.items);
         assert_eq!(report.outcome, Outcome::Landed);
     }
@@ -213,7 +213,7 @@ fn static_fire(percent: u32) -> Shape {
     let report =
         simulation::fly(&scenario, 1, |now| rows.push((now.time.s(), now.thrust_n, now.oxidizer_kg_s)))
             .unwrap()
-            .report(false);
+            .report();
     assert!(report.expect.passed, "{:?}", report.expect.items);
     let depleted_s = report.events.iter().find(|e| e.name == "nitrous_depleted").unwrap().time_s;
     let mean = |from: f64, to: f64| {

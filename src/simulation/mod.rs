@@ -202,9 +202,9 @@ impl Flight {
     }
 
     /// Ends this flight's place in the process: its report is kept, and `fresh`, which [`Flight::again`] set up, begins.
-    pub fn begin_again(&mut self, mut fresh: Self, fc_must_fly: bool) {
+    pub fn begin_again(&mut self, mut fresh: Self, report: Report) {
         fresh.earlier = std::mem::take(&mut self.earlier);
-        fresh.earlier.push(self.report(fc_must_fly));
+        fresh.earlier.push(report);
         *self = fresh;
     }
 
@@ -437,6 +437,22 @@ impl Flight {
         self.referee.end(outcome);
     }
 
+    /// Ends a flight in memory whose duration is over, or that nothing ever lights.
+    fn end_in_time(&mut self) {
+        let file = &self.scenario.file;
+        match file.duration_s.map(SimTime::from_s) {
+            Some(end) if self.time() >= end => self.end(Outcome::Completed),
+            None if self.mission_s().is_none() => {
+                // Without a flame there is no mission time; this ends it all the same.
+                let patience_s = file.timeout_s + file.mission.alignment_s + file.mission.ready_s;
+                if self.time() > SimTime::from_s(patience_s) {
+                    self.end(Outcome::Timeout);
+                }
+            }
+            _ => {}
+        }
+    }
+
     /// The built-in autopilot.
     pub fn autopilot(&mut self) -> &mut Autopilot {
         &mut self.autopilot
@@ -561,9 +577,8 @@ impl Flight {
         self.referee.touchdown.is_some()
     }
 
-    /// The report, judged. `fc_must_fly`: an outside flight controller was attached and no fallback is
-    /// expected. Timing and link are the owner's to fill in.
-    pub fn report(&self, fc_must_fly: bool) -> Report {
+    /// The report, judged by what the scenario expects. Timing and link are the owner's to fill in.
+    pub fn report(&self) -> Report {
         let (start, end) = (&self.initial, &self.snapshot);
         let mut flown_by = self.flown_by.clone();
         if let Some(last) = flown_by.last_mut() {
@@ -623,7 +638,7 @@ impl Flight {
         };
         let flight_time_s =
             self.referee.touchdown.zip(self.referee.liftoff_s).map(|(t, liftoff_s)| t.time_s - liftoff_s);
-        report.judge(&self.scenario.file.expect, flight_time_s, fc_must_fly);
+        report.judge(&self.scenario.file.expect, flight_time_s);
         report
     }
 
@@ -682,13 +697,29 @@ pub fn fly(scenario: &Scenario, seed: u32, each_step: impl FnMut(&Snapshot)) -> 
     Ok(flight)
 }
 
-/// The same for a flight that is already set up.
+/// Flies a scenario to its end under somebody else's law, which is asked for a command before every step. It may look
+/// at the truth, [`Flight::snapshot`], or at what a flight computer gets, [`Flight::measurement`].
+///
+/// # Errors
+/// As [`Flight::new`].
+pub fn fly_with(
+    scenario: &Scenario,
+    seed: u32,
+    mut law: impl FnMut(&Flight) -> ActuatorCommand,
+) -> Result<Flight, Invalid> {
+    let mut flight = Flight::new(scenario, seed)?;
+    flight.set_source(Source::Fc);
+    while flight.outcome().is_none() {
+        let command = law(&flight);
+        flight.step(&command);
+        flight.end_in_time();
+    }
+    Ok(flight)
+}
+
+/// [`fly`] for a flight that is already set up.
 pub fn fly_out(flight: &mut Flight, mut each_step: impl FnMut(&Snapshot)) {
     each_step(flight.snapshot());
-    let file = &flight.scenario.file;
-    let end = file.duration_s.map(SimTime::from_s);
-    // A flight that nothing ever lights has no mission time; this ends it all the same.
-    let patience = SimTime::from_s(file.timeout_s + file.mission.alignment_s + file.mission.ready_s);
     let schedule = flight.scenario.schedule.clone();
     flight.set_source(if schedule.is_some() { Source::Commands } else { Source::Autopilot });
     let mut command = ActuatorCommand::SAFE;
@@ -704,11 +735,7 @@ pub fn fly_out(flight: &mut Flight, mut each_step: impl FnMut(&Snapshot)) {
             command = next;
             flight.plan_in_place();
         }
-        if end.is_some_and(|end| flight.time() >= end) {
-            flight.end(Outcome::Completed);
-        } else if end.is_none() && flight.mission_s().is_none() && flight.time() > patience {
-            flight.end(Outcome::Timeout);
-        }
+        flight.end_in_time();
     }
 }
 

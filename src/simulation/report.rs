@@ -98,7 +98,7 @@ pub struct Ladders {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
-    /// A flight controller on the link.
+    /// A flight controller from outside: at the other end of a link, or a law of one's own.
     Fc,
     /// The built-in autopilot.
     Autopilot,
@@ -461,9 +461,8 @@ impl Report {
         has(|name| name == CUT_SHORT) && !has(|name| name.starts_with("abort:"))
     }
 
-    /// Judges the report by `[expect]`. `fc_must_fly`: an outside flight controller was attached and
-    /// no fallback is expected, so anybody else's flight fails.
-    pub fn judge(&mut self, expect: &Expect, flight_time_s: Option<f64>, fc_must_fly: bool) {
+    /// Judges the report by `[expect]`.
+    pub(super) fn judge(&mut self, expect: &Expect, flight_time_s: Option<f64>) {
         let mut items = Vec::new();
         let mut at_most = |name: &str, value: Option<f64>, limit: Option<f64>| {
             if let Some(limit) = limit {
@@ -539,19 +538,22 @@ impl Report {
                 },
             );
         }
-        if fc_must_fly {
-            // Who is cut off after a loss has not flown to the end either, though nobody else took over.
-            let lost = self.events.iter().any(|event| event.name == "fc_lost");
-            let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
-            let mut who: Vec<_> = self.flown_by.iter().map(|f| serde_json::json!(f.source)).collect();
-            who.extend(lost.then(|| "fc_lost".into()));
-            items.push(Item {
-                name: "flown_by".to_owned(),
-                value: who.into(),
-                limit: serde_json::json!([Source::Fc]),
-                passed: alone && !lost,
-            });
-        }
         self.expect = Verdict { passed: items.iter().all(|item| item.passed), items };
+    }
+
+    /// Expects as well that an outside flight controller flew throughout: what somebody else brought home fails.
+    pub fn require_fc(&mut self) {
+        // Who is cut off after a loss has not flown to the end either, though nobody else took over.
+        let lost = self.events.iter().any(|event| event.name == "fc_lost");
+        let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
+        let mut who: Vec<_> = self.flown_by.iter().map(|f| serde_json::json!(f.source)).collect();
+        who.extend(lost.then(|| "fc_lost".into()));
+        self.expect.items.push(Item {
+            name: "flown_by".to_owned(),
+            value: who.into(),
+            limit: serde_json::json!([Source::Fc]),
+            passed: alone && !lost,
+        });
+        self.expect.passed &= alone && !lost;
     }
 }

@@ -98,7 +98,7 @@ pub fn fly(
             flight.end(Outcome::Timeout);
         }
     }
-    Flown { report: flight.report(false), commands, thrust_n, autopilot }
+    Flown { report: flight.report(), commands, thrust_n, autopilot }
 }
 
 /// The scenario with something in it that turns the vehicle about its long axis (N m, FRD z), one way from 5 to 20 s of

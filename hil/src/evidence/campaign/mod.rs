@@ -232,7 +232,7 @@ impl Campaign {
         };
         let mut flight = Flight::dispersed(&scenario, seed, &configuration.told).map_err(refused)?;
         fly_out(&mut flight, |_| {});
-        let mut report = flight.report(false);
+        let mut report = flight.report();
         report.overrides = overrides;
         let run = seed.wrapping_sub(self.file.seed);
         let row = Row::new(run, &configuration.name, draws.concat(), &flight, &report);
