@@ -2,11 +2,13 @@
 
 mod campaign;
 mod dispersion;
+mod load;
 mod schedule;
 mod trigger;
 
 pub use campaign::{CampaignFile, Success, Variant};
 pub use dispersion::{Dispersion, Distribution, Mode};
+pub use load::{FileKind, ScenarioInputs};
 pub use schedule::{Schedule, ScheduleError};
 
 use schemars::JsonSchema;

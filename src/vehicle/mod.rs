@@ -4,6 +4,11 @@
 //! every vector and tensor into body FRD, here and nowhere else; scalar heights (`..._z_m`) stay heights
 //! above the gimbal pivot.
 
+mod load;
+
+pub use load::VehicleInputs;
+pub(crate) use load::folder_of;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
