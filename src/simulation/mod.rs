@@ -11,7 +11,6 @@ pub mod data_sheet;
 mod referee;
 pub mod report;
 
-pub use referee::{Circumstances, Referee, Rules};
 pub use report::{Event, FlownBy, Ladders, Report, Source};
 
 use crate::autopilot::abort::{Abort, AbortKind};
@@ -25,6 +24,7 @@ use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
 use crate::time::SimTime;
 
+use referee::{Circumstances, Referee, Rules};
 use report::{Handover, MassBalance, Propellant, Timing, Verdict};
 
 /// States are hashed at this interval [steps].
@@ -38,13 +38,14 @@ pub struct Flight {
     scenario: Scenario,
     seed: u32,
     instruments: Instrumentation,
-    told: Parameters,
+    /// What the autopilot is told of the vehicle.
+    parameters: Parameters,
     step: SimTime,
     plant: Plant,
     sensors: Option<SensorSuite>,
     faults: Faults,
-    /// Events that the faults have heard of.
-    heard: usize,
+    /// How many of the events the faults have heard of.
+    events_heard: usize,
     modified: Vec<String>,
     modified_count: usize,
     autopilot: Autopilot,
@@ -101,7 +102,7 @@ impl Flight {
     /// As [`Flight::new`].
     pub fn with(scenario: &Scenario, seed: u32, instruments: &Instrumentation) -> Result<Self, Invalid> {
         let plant = Plant::seeded(scenario, seed)?;
-        let parameters = data_sheet::autopilot(scenario, plant.environment(), instruments);
+        let parameters = data_sheet::parameters(scenario, plant.environment(), instruments);
         if scenario.schedule.is_none() {
             data_sheet::throttle_band(&scenario.vehicle, plant.environment())?;
             parameters.validate()?;
@@ -124,17 +125,17 @@ impl Flight {
         seed: u32,
         instruments: &Instrumentation,
         plant: Plant,
-        told: Parameters,
+        parameters: Parameters,
     ) -> Result<Self, Invalid> {
         let step = SimTime::from_s(scenario.file.physics.step_s);
         let snapshot = *plant.snapshot();
-        let mut parameters = scenario.vehicle.sensors.clone();
+        let mut instrument_parameters = scenario.vehicle.sensors.clone();
         if let Some(rate_hz) = instruments.imu_rate_hz {
-            parameters.imu.rate_hz = rate_hz;
+            instrument_parameters.imu.rate_hz = rate_hz;
         }
         let sensors = if scenario.file.sensors.enabled {
             Some(SensorSuite::new(
-                &parameters,
+                &instrument_parameters,
                 &SensorSetup {
                     environment: plant.environment(),
                     seed: u64::from(seed),
@@ -151,8 +152,8 @@ impl Flight {
         let has_ground = scenario.file.initial.place == Place::Pad && !scenario.file.initial.clamped;
         let scheduled = scenario.schedule.is_some();
         Ok(Self {
-            autopilot: Autopilot::new(told.clone()),
-            told,
+            autopilot: Autopilot::new(parameters.clone()),
+            parameters,
             instruments: *instruments,
             referee: Referee::new(Rules {
                 target_ned_m: target,
@@ -167,7 +168,7 @@ impl Flight {
             plant,
             sensors,
             faults: Faults::new(&scenario.file.fault, u64::from(seed)),
-            heard: 0,
+            events_heard: 0,
             modified: Vec::new(),
             modified_count: 0,
             measurement: None,
@@ -196,12 +197,14 @@ impl Flight {
     /// As [`Flight::new`].
     pub fn again(&self, seed: u32) -> Result<Self, Invalid> {
         let plant = Plant::seeded(&self.scenario, seed)?;
-        let mut fresh = Self::assemble(&self.scenario, seed, &self.instruments, plant, self.told.clone())?;
+        let mut fresh =
+            Self::assemble(&self.scenario, seed, &self.instruments, plant, self.parameters.clone())?;
         fresh.flown_elsewhere = self.flown_elsewhere;
         Ok(fresh)
     }
 
-    /// Ends this flight's place in the process: its report is kept, and `fresh`, which [`Flight::again`] set up, begins.
+    /// Ends this flight's place in the process: its report is kept, and `fresh`, which [`Flight::again`] set up,
+    /// begins.
     pub fn begin_again(&mut self, mut fresh: Self, report: Report) {
         fresh.earlier = std::mem::take(&mut self.earlier);
         fresh.earlier.push(report);
@@ -246,7 +249,7 @@ impl Flight {
             self.event("armed", String::new());
         }
         self.armed = command.armed;
-        self.break_down();
+        self.advance_faults();
         self.plant.step(command);
         self.steps += 1;
         self.snapshot = *self.plant.snapshot();
@@ -263,7 +266,7 @@ impl Flight {
         if let Some(measurement) = &mut self.measurement {
             self.faults.spoil(measurement);
         }
-        let seen = self.referee.watch(
+        let milestones = self.referee.watch(
             &self.snapshot,
             &Circumstances {
                 armed: command.armed,
@@ -275,10 +278,10 @@ impl Flight {
                 dt_s: self.step.s(),
             },
         );
-        if seen.liftoff {
+        if milestones.liftoff {
             self.event("liftoff", String::new());
         }
-        if seen.touchdown {
+        if milestones.touchdown {
             self.touchdown_event();
         }
         if self.steps.is_multiple_of(HASH_EVERY) {
@@ -286,11 +289,11 @@ impl Flight {
         }
     }
 
-    /// Lets begin and end what breaks, and tells the plant.
-    fn break_down(&mut self) {
-        while let Some(event) = self.events.get(self.heard) {
+    /// Begins and ends the faults that are due, and tells the plant which act.
+    fn advance_faults(&mut self) {
+        while let Some(event) = self.events.get(self.events_heard) {
             self.faults.hear(&event.name);
-            self.heard += 1;
+            self.events_heard += 1;
         }
         let (time, events) = (self.plant.time(), &mut self.events);
         let now = fault::Circumstances {
@@ -311,8 +314,8 @@ impl Flight {
         self.plant.set_faults(&self.faults.effects().plant);
     }
 
-    /// Breaks something now, without regard to a trigger; what acts of the same component and mode is replaced. The run is
-    /// marked as modified.
+    /// Breaks something now, without regard to a trigger; what acts of the same component and mode is replaced. The
+    /// run is marked as modified.
     ///
     /// # Errors
     /// When the component cannot break so, or the value is out of range.
@@ -323,7 +326,8 @@ impl Flight {
         Ok(())
     }
 
-    /// Mends what acts in a component, of one mode or of any, and says how much that was. The run is marked as modified if anything was.
+    /// Mends what acts in a component, of one mode or of any, and says how much that was. The run is marked as
+    /// modified if anything was.
     pub fn clear_fault(&mut self, component: Component, mode: Option<Mode>) -> usize {
         let mut ended = Vec::new();
         self.faults.clear(component, mode, |fault| ended.push((fault.name(), fault.describe())));
@@ -345,7 +349,8 @@ impl Flight {
     }
 
     /// Notes that something was changed from outside: the run is no longer its scenario's.
-    /// Beyond the first [`MODIFIED_KEPT`] they are only counted, so that somebody who sends without end fills no memory.
+    /// Beyond the first [`MODIFIED_KEPT`] changes are only counted, so that somebody who sends without end fills no
+    /// memory.
     pub fn note_modified(&mut self, what: &str) {
         self.modified_count += 1;
         if self.modified.len() < MODIFIED_KEPT {

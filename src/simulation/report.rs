@@ -207,10 +207,12 @@ pub struct Hover {
     pub altitude_rms_m: f64,
     /// Root mean square of true horizontal distance from the reference (m).
     pub lateral_rms_m: f64,
-    /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who flew sits at the other end of a link.
+    /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who flew
+    /// sits at the other end of a link.
     #[serde(default)]
     pub altitude_control_rms_m: Option<f64>,
-    /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew sits at the other end of a link.
+    /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew sits at
+    /// the other end of a link.
     #[serde(default)]
     pub lateral_control_rms_m: Option<f64>,
 }
@@ -283,7 +285,8 @@ pub struct Timing {
     pub slips: u64,
     /// By how much altogether (s).
     pub slipped_s: f64,
-    /// Wall time less simulated time, slips and lateness at the end (us): 0, or the bench has lost count. Null where nothing follows the clock.
+    /// Wall time less simulated time, slips and lateness at the end (us): 0, or the bench has lost count. Null where
+    /// nothing follows the clock.
     pub unaccounted_us: Option<f64>,
     /// Wall time that a step may cost in real time (us).
     pub step_budget_us: f64,

@@ -35,7 +35,7 @@ impl Flown {
 /// What the autopilot of a scenario is told before anybody changes it.
 pub fn parameters(scenario: &Scenario, seed: u32) -> Parameters {
     let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(seed)).unwrap();
-    data_sheet::autopilot(scenario, &environment, &Instrumentation::default())
+    data_sheet::parameters(scenario, &environment, &Instrumentation::default())
 }
 
 /// Flies `scenario`; `sensed` and `commanded` break measurements and commands, at a mission time (s, zero before the
