@@ -121,7 +121,7 @@ impl InputText {
     }
 
     /// What is wrong at a line of a file that is no TOML.
-    pub fn error_at(&self, line: usize, message: String) -> InputError {
+    pub(crate) fn error_at(&self, line: usize, message: String) -> InputError {
         let diagnostic = Diagnostic { line: Some(line), key: String::new(), message };
         InputError { file: self.file.clone(), diagnostics: vec![diagnostic] }
     }
@@ -193,7 +193,7 @@ impl Document {
     }
 
     /// The same for a key that stands as `given` in `place`, a file or the command line.
-    pub fn set_from(
+    pub(crate) fn set_from(
         &mut self,
         place: &str,
         given: &str,

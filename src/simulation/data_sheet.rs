@@ -104,7 +104,7 @@ fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
 
 /// Whether the engine, its port fresh, reaches the throttle band that the vehicle file promises. A port that has
 /// grown may give less: the autopilot's table ends there.
-pub fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
+pub(super) fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
     let (engine, rating) = (&vehicle.engine, &vehicle.rating);
     let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let condition = lit(vehicle, engine.grain().port_radius_m, environment.atmosphere.pressure_pa);

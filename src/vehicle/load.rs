@@ -84,12 +84,12 @@ impl VehicleInputs {
     }
 
     /// Text of the tables that the vehicle file names.
-    pub fn tables(&self) -> [&str; 2] {
+    pub(crate) fn tables(&self) -> [&str; 2] {
         [&self.combustion_map.text, &self.valve_area.text]
     }
 
     /// Every file, exactly as read: its name and its text.
-    pub fn files(&self) -> impl Iterator<Item = (&str, &str)> {
+    pub(crate) fn files(&self) -> impl Iterator<Item = (&str, &str)> {
         let reports = self.mass_reports.iter().map(|(_, report)| report);
         let named = reports.chain([&self.combustion_map, &self.valve_area]);
         std::iter::once((self.document.file(), self.document.text()))
