@@ -1,4 +1,4 @@
-//! A guidance law of your own on our plant: a vertical hop to 20 m and back, landing softly.
+//! A guidance law of your own on our plant: a vertical hop to 20 m and back in a breeze, landing softly.
 //!
 //! ```text
 //! cargo run --release -p hopbench --example own_guidance
@@ -17,10 +17,9 @@ use hopbench::signal::{ActuatorCommand, Throttle};
 use hopbench::simulation::{Flight, Report, fly_with};
 
 const G: f64 = 9.80665; // [m/s²]
-const HOVER_M: f64 = 20.0; // of the gimbal pivot above its height at rest
-const DESCENT_AT_S: f64 = 14.0; // after ignition
+const HOVER_M: f64 = 20.0; // of the gimbal pivot above its height at rest; down again 14 s after ignition
 
-/// What the actuators are to do now. Every gain is the square of a frequency, or a damping term beside one.
+/// What the actuators are to do now. Gains are in 1/s² on angles and positions, in 1/s on rates and speeds.
 fn law(flight: &Flight) -> ActuatorCommand {
     let now = flight.snapshot();
     if flight.has_touched_down() {
@@ -32,7 +31,7 @@ fn law(flight: &Flight) -> ActuatorCommand {
 
     // Height: a climb rate that ends at the hover, later one that dies away toward the ground; thrust to follow it.
     let climb_rate_wanted_m_s = match flight.mission_s() {
-        Some(mission_s) if mission_s > DESCENT_AT_S => -(0.5 + 0.3 * now.height_m).clamp(0.5, 3.0),
+        Some(mission_s) if mission_s > 14.0 => -(0.5 + 0.3 * now.height_m).clamp(0.5, 3.0),
         _ => (0.8 * (HOVER_M - now.height_m)).min(4.0),
     };
     let climb_rate_m_s = -now.velocity_ned_m_s.z;
@@ -41,29 +40,28 @@ fn law(flight: &Flight) -> ActuatorCommand {
     // Position: back to the pad, by tilting the thrust. It points along body -z: nose up pushes south, right side
     // down pushes east.
     let (position, velocity) = (now.position_ned_m, now.velocity_ned_m_s);
-    let push = (-0.3 * position - 0.9 * velocity).map(|a| a.clamp(-1.0, 1.0)); // [m/s²] north, east
+    let push = (-0.6 * position - 1.1 * velocity).map(|a| a.clamp(-1.0, 1.0)); // [m/s²] north, east
     let (roll_wanted, pitch_wanted) = (push.y / G, -push.x / G);
 
     // Attitude: the gimbal turns the vehicle about its centre of mass with thrust times lever.
     let (roll, pitch, heading) = now.q_ned_from_body.euler_angles();
-    let rate = now.rate_body_rad_s;
-    let lever_n_m = now.thrust_n.max(300.0) * now.com_structural_m.z;
-    let gimbal = |off_rad: f64, rate_rad_s: f64, inertia_kg_m2: f64| {
-        inertia_kg_m2 * (9.0 * off_rad - 5.0 * rate_rad_s) / lever_n_m
-    };
+    let (rate, inertia) = (now.rate_body_rad_s, now.inertia_kg_m2);
+    let authority_n_m = now.thrust_n.max(300.0) * now.com_structural_m.z; // per radian
+    let turn = |off: f64, rate: f64, inertia: f64| inertia * (9.0 * off - 5.0 * rate) / authority_n_m;
     ActuatorCommand {
         armed: true,
         throttle: Throttle::ThrustN(thrust_n), // the engine controller finds the valve angle
-        gimbal_x_rad: gimbal(roll_wanted - roll, rate.x, now.inertia_kg_m2[(0, 0)]),
-        gimbal_y_rad: gimbal(pitch_wanted - pitch, rate.y, now.inertia_kg_m2[(1, 1)]),
+        gimbal_x_rad: turn(roll_wanted - roll, rate.x, inertia[(0, 0)]),
+        gimbal_y_rad: turn(pitch_wanted - pitch, rate.y, inertia[(1, 1)]),
         rcs_roll: (-4.0 * heading - 8.0 * rate.z).clamp(-1.0, 1.0), // nitrogen thrusters, about the long axis
         ..ActuatorCommand::SAFE // igniter, valves and hold-down follow the throttle by themselves
     }
 }
 
-/// The hop of the reference vehicle, under our law instead of the built-in autopilot.
+/// A flight of the reference vehicle under our law instead of the built-in autopilot.
 pub fn hop() -> Result<Report, Box<dyn Error>> {
-    let scenario = Scenario::load("scenarios/hop_50m.toml", |file| std::fs::read_to_string(file))?;
+    let mut scenario = Scenario::load("scenarios/hop_50m.toml", |file| std::fs::read_to_string(file))?;
+    (scenario.file.wind.mean_speed_m_s, scenario.file.wind.from_deg) = (4.0, 240.0);
     Ok(fly_with(&scenario, 1, law)?.report())
 }
 
