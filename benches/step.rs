@@ -84,7 +84,7 @@ fn main() {
         })
         .collect();
     let environment = Environment::new(&hop.site, &hop.file.wind, 1).expect("the hop is sound");
-    let told = data_sheet::autopilot(&hop, &environment, &Instrumentation::default()).navigation;
+    let told = data_sheet::parameters(&hop, &environment, &Instrumentation::default()).navigation;
     report(
         "navigation, prediction and updates",
         measurements.len(),

@@ -6,6 +6,7 @@
 //! written once, beside the field it bounds.
 
 use std::fmt;
+use std::path::Path;
 
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
@@ -78,6 +79,54 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
+impl InputError {
+    /// A file that cannot be used, for a reason that lies outside its values.
+    pub fn of_file(file: impl Into<String>, message: impl Into<String>) -> Self {
+        let diagnostic = Diagnostic { line: None, key: String::new(), message: message.into() };
+        Self { file: file.into(), diagnostics: vec![diagnostic] }
+    }
+}
+
+/// The text of a file, exactly as it was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputText {
+    /// The file's path, as messages name it.
+    pub file: String,
+    /// What it holds.
+    pub text: String,
+}
+
+impl InputText {
+    /// Asks `read` for the text of the file at `path`.
+    ///
+    /// # Errors
+    /// What `read` says, with the file's name.
+    pub fn read<E: fmt::Display>(
+        path: &Path,
+        read: &mut impl FnMut(&Path) -> Result<String, E>,
+    ) -> Result<Self, InputError> {
+        let file = path.display().to_string();
+        match read(path) {
+            Ok(text) => Ok(Self { file, text }),
+            Err(e) => Err(InputError::of_file(file, e.to_string())),
+        }
+    }
+
+    /// The text as TOML.
+    ///
+    /// # Errors
+    /// When it is none.
+    pub fn document(&self) -> Result<Document, InputError> {
+        Document::parse(&self.file, &self.text)
+    }
+
+    /// What is wrong at a line of a file that is no TOML.
+    pub(crate) fn error_at(&self, line: usize, message: String) -> InputError {
+        let diagnostic = Diagnostic { line: Some(line), key: String::new(), message };
+        InputError { file: self.file.clone(), diagnostics: vec![diagnostic] }
+    }
+}
+
 /// A TOML file with the overrides of the command line applied.
 #[derive(Clone)]
 pub struct Document {
@@ -122,6 +171,11 @@ impl Document {
         &self.file
     }
 
+    /// Its text, without the values that replace its own.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// The value of a top-level key.
     pub fn get(&self, key: &str) -> Option<&Value> {
         self.value.get(key)
@@ -139,7 +193,7 @@ impl Document {
     }
 
     /// The same for a key that stands as `given` in `place`, a file or the command line.
-    pub fn set_from(
+    pub(crate) fn set_from(
         &mut self,
         place: &str,
         given: &str,

@@ -16,6 +16,25 @@
 //! | the vehicle | [`vehicle`] every parameter, checked and turned into body axes; [`scenario`] a flight as data; [`plant`] the block diagram |
 //! | flights | [`simulation`] plant, sensors and autopilot on one clock, with a referee and a report |
 //!
+//! # A flight in fifteen lines
+//!
+//! ```
+//! use hopbench::scenario::Scenario;
+//! use hopbench::simulation::fly;
+//!
+//! let hop = Scenario::load("scenarios/hop_50m.toml", |file| std::fs::read_to_string(file))?;
+//! let mut peak_thrust_n = 0.0_f64;
+//! let flight = fly(&hop, 1, |now| peak_thrust_n = peak_thrust_n.max(now.thrust_n))?; // seed 1
+//! let report = flight.report();
+//! let touchdown = report.touchdown.expect("the autopilot brings it down");
+//! assert!(report.expect.passed && report.max_altitude_m > 49.0 && peak_thrust_n < 1100.0);
+//! println!("touchdown at {:.2} m/s, {} events", touchdown.vertical_speed_m_s, report.events.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A guidance law of one's own: `examples/own_guidance.rs`, by [`simulation::fly_with`]. Many flights, each with values
+//! drawn anew: `examples/monte_carlo.rs`.
+//!
 //! # One step
 //!
 //! ```text

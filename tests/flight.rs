@@ -10,7 +10,7 @@ use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
 use hopbench::simulation::{self, Flight, Report, Source};
 
 fn fly(name: &str, seed: u32, overrides: &[(&str, &str)]) -> Report {
-    simulation::fly(&scenario(name, overrides), seed, |_| {}).unwrap().report(false)
+    simulation::fly(&scenario(name, overrides), seed, |_| {}).unwrap().report()
 }
 
 fn event(report: &Report, name: &str) -> Option<f64> {
@@ -210,7 +210,7 @@ fn running_out_of_anything_is_an_event_and_a_tail() {
         });
         let names: Vec<&str> = flight.events().iter().map(|e| e.name.as_str()).collect();
         assert!(names.contains(&what), "{what}: {names:?}");
-        let report = flight.report(false);
+        let report = flight.report();
         let closure = report.mass.closure_error_kg.abs() / report.mass.initial_kg;
         assert!(closure < 1e-9, "{what}: {closure}");
         match what {
@@ -243,7 +243,7 @@ fn a_burnt_grain_neither_relights_nor_breaks_the_books() {
     }
     let count = |name: &str| flight.events().iter().filter(|e| e.name == name).count();
     assert_eq!((count("ignition"), count("fuel_burn_through"), count("shutdown")), (1, 1, 1));
-    let report = flight.report(false);
+    let report = flight.report();
     assert!(report.mass.closure_error_kg.abs() / report.mass.initial_kg < 1e-9, "{:?}", report.mass);
 }
 

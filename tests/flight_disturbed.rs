@@ -13,7 +13,7 @@ use hopbench::simulation;
 #[test]
 fn the_autopilot_lands_with_a_crooked_noisy_engine_in_turbulence() {
     for seed in 1..=4 {
-        let report = simulation::fly(&scenario("disturbed_hop", &[]), seed, |_| {}).unwrap().report(false);
+        let report = simulation::fly(&scenario("disturbed_hop", &[]), seed, |_| {}).unwrap().report();
         assert!(report.expect.passed, "seed {seed}: {:?}", report.expect.items);
         assert_eq!(report.outcome, Outcome::Landed);
         let seen: Vec<_> = report.events.iter().filter(|e| e.name == "disturbance").collect();
@@ -43,7 +43,7 @@ fn the_autopilot_does_not_take_braking_for_contact() {
     ];
     for seed in [1, 6] {
         let flight = simulation::fly(&scenario("disturbed_hop", &better), seed, |_| {}).unwrap();
-        let report = flight.report(false);
+        let report = flight.report();
         let touchdown = report.touchdown.unwrap();
         let cut = report.events.iter().find(|event| event.name == "phase:touchdown").unwrap();
         assert!(cut.time_s > touchdown.time_s - 0.1, "seed {seed}: {} {}", cut.time_s, touchdown.time_s);
@@ -58,7 +58,7 @@ fn turbulence_follows_from_the_seed_of_the_run() {
         let mut last = Vec3::zeros();
         let overrides = [("mission.hover_height_m", "3.0"), ("timeout_s", "10.0")];
         let flight = simulation::fly(&scenario("disturbed_hop", &overrides), seed, |s| last = s.wind_ned_m_s);
-        (last, flight.unwrap().report(false).state_hash)
+        (last, flight.unwrap().report().state_hash)
     };
     assert_eq!(wind(3), wind(3));
     assert_ne!(wind(3).0, wind(4).0);

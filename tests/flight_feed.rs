@@ -189,7 +189,7 @@ fn random_throttles_to_the_last_drop_keep_mass_and_numbers() {
 }
 
 fn hop(overrides: &[(&str, &str)], seed: u32) -> Report {
-    simulation::fly(&scenario("hop_50m", overrides), seed, |_| {}).unwrap().report(false)
+    simulation::fly(&scenario("hop_50m", overrides), seed, |_| {}).unwrap().report()
 }
 
 #[test]

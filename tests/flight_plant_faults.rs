@@ -97,7 +97,7 @@ fn igniter_off() {
         flowed_kg_s = flowed_kg_s.max(now.oxidizer_kg_s);
     })
     .unwrap();
-    let report = flight.report(false);
+    let report = flight.report();
     assert_eq!(report.outcome, Outcome::NoIgnition);
     // Nitrous leaves, unburnt.
     assert!(flowed_kg_s > 0.02 && report.propellant.nitrous_used_kg > 0.02, "{flowed_kg_s}");

@@ -365,7 +365,7 @@ fn altimeter_plume() {
     // Half missing, to five standard deviations.
     assert!((f64::from(missing[1]) - 0.5 * n).abs() < 5.0 * (0.25 * n).sqrt(), "{missing:?} of {n}");
     assert!(short[1] > right[1], "{short:?} {right:?}");
-    landed_softly(&flight.report(false));
+    landed_softly(&flight.report());
 }
 
 /// -300 Pa for each kN, falling by e with each metre: at the pad 650 N would be -195 Pa, at 5 m -1.3 Pa.
@@ -390,7 +390,7 @@ fn barometer_plume() {
         assert!((error_pa - expected_pa).abs() < 0.12, "{error_pa} Pa, not {expected_pa} Pa at {thrust_n} N");
     });
     assert!(seen > 5, "{seen}");
-    landed_softly(&flight.report(false));
+    landed_softly(&flight.report());
 }
 
 #[test]
@@ -406,7 +406,7 @@ fn a_gap_in_the_fixes_begins_with_the_hover_and_ends() {
     let flight = flown(&hover(vec![gap]), |f| {
         fixes.extend(f.measurement().filter(|m| m.gnss.is_some()).map(|m| m.time.s()));
     });
-    let report = flight.report(false);
+    let report = flight.report();
     let hover_s = time_of(&report, "phase:hover").unwrap();
     let (from_s, to_s) =
         (time_of(&report, "fault:gap").unwrap(), time_of(&report, "fault_over:gap").unwrap());
@@ -426,7 +426,7 @@ fn a_gap_in_the_fixes_begins_with_the_hover_and_ends() {
 #[test]
 fn a_dead_gyroscope_cuts_the_engine_by_its_name() {
     let dead = Fault { above_m: Some(4.0), ..Fault::new(Component::Gyroscope, Mode::Off) };
-    let report = flown(&hover(vec![dead]), |_| {}).report(false);
+    let report = flown(&hover(vec![dead]), |_| {}).report();
     let lost_s = time_of(&report, "fault:gyroscope_off").unwrap();
     let cut_s = time_of(&report, "abort:inertial").unwrap();
     // [mission.abort] inertial_silence_s = 0.5, judged at the beat of the unit, 4 ms.
@@ -457,7 +457,7 @@ fn fixes_that_jump_are_refused() {
     // Ten a second for two seconds; what the estimate is off is the wander of plain fixes.
     assert_eq!(astray, 20);
     assert!(worst_m < 2.0, "{worst_m}");
-    landed_softly(&flight.report(false));
+    landed_softly(&flight.report());
 }
 
 /// Each trigger at its time, by the height of the vehicle at every step.
@@ -477,7 +477,7 @@ fn triggers_come_when_they_say() {
         mild("never", Fault { above_m: Some(50.0), ..new() }),
     ];
     let mut heights = Vec::new();
-    let report = flown(&hover(faults), |f| heights.push((f.time().s(), f.snapshot().height_m))).report(false);
+    let report = flown(&hover(faults), |f| heights.push((f.time().s(), f.snapshot().height_m))).report();
     let at = |name: &str| time_of(&report, &format!("fault:{name}")).unwrap_or_else(|| panic!("{name}"));
     let event = |name: &str| time_of(&report, name).unwrap();
     let ignition_s = event("ignition");
@@ -521,7 +521,7 @@ fn what_is_injected_acts_at_once_replaces_its_like_and_marks_the_run() {
             _ => {}
         }
     });
-    let report = flight.report(false);
+    let report = flight.report();
     assert_eq!(
         report.modified,
         [

@@ -31,7 +31,7 @@ fn hop(overrides: &[(&str, &str)]) -> (Snapshot, [f64; 2]) {
         last = Some(*s);
     })
     .unwrap()
-    .report(false);
+    .report();
     assert_eq!(report.outcome, Outcome::Landed, "{overrides:?}");
     let (open, all) = (report.mass.closure_error_kg.abs(), report.mass.initial_kg);
     assert!(open / all < 1e-9, "{overrides:?}: {open} kg of {all} kg unaccounted");
@@ -76,7 +76,7 @@ fn the_report_says_where_the_mass_went() {
             }
         })
         .unwrap()
-        .report(false);
+        .report();
         let (p, m) = (report.propellant, report.mass);
         println!("{name} {overrides:?}: {p:?}, {m:?}");
         let gone = p.nitrous_used_kg

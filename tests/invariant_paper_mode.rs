@@ -196,7 +196,7 @@ fn the_autopilot_lands_the_hop_in_paper_mode() {
     let scenario = files::scenario("hop_50m", &[("fidelity", "\"paper\"")]);
     let mut wall_m = 0.0f64;
     let flight = fly(&scenario, 1, |now| wall_m = wall_m.max(now.slosh_m[0].hypot(now.slosh_m[1]))).unwrap();
-    let report = flight.report(false);
+    let report = flight.report();
     println!("{:?}; slosh up to {:.1} mm", report.touchdown, 1e3 * wall_m);
     assert_eq!(report.outcome, Outcome::Landed);
     assert!(report.expect.passed);

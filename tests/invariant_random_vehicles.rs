@@ -16,6 +16,7 @@ mod files;
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -23,7 +24,7 @@ use hopbench::input::Document;
 use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::Flight;
-use hopbench::vehicle::{Vehicle, VehicleError, VehicleFile};
+use hopbench::vehicle::{Vehicle, VehicleFile, VehicleInputs};
 use serde_json::Value as Json;
 use toml::{Table, Value};
 
@@ -463,17 +464,19 @@ fn flown(text: &str, number: u64, tables: (&str, &str)) -> End {
         Ok(document) => document,
         Err(e) => return End::Failed { class: "the file is no TOML", what: e.to_string() },
     };
-    let file = match VehicleFile::read(&document) {
-        Ok(file) => file,
+    let (map, area) = tables;
+    let read = |file: &Path| match file.file_name().and_then(|name| name.to_str()) {
+        Some("cea_reference_fit.csv") => Ok(map.to_owned()),
+        Some("valve_area_vs_angle.csv") => Ok(area.to_owned()),
+        _ => Err("no such file"),
+    };
+    let vehicle = VehicleInputs::read(document, Path::new("random.toml"), read);
+    let vehicle = match vehicle.and_then(|inputs| inputs.vehicle()) {
+        Ok(vehicle) => vehicle,
         Err(e) => {
             let keys = e.diagnostics.iter().map(|fault| fault.key.clone()).collect();
             return refusal(keys, &e.diagnostics[0].message);
         }
-    };
-    let vehicle = match Vehicle::new(file, tables.0, tables.1) {
-        Ok(vehicle) => vehicle,
-        Err(VehicleError::Invalid(fault)) => return refusal(vec![fault.key.clone()], &fault.to_string()),
-        Err(e) => return refusal(Vec::new(), &e.to_string()),
     };
     let random = &mut Random(number ^ 0x5eed);
     let (scenario, place) = match scenario(random, vehicle) {

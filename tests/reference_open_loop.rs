@@ -4,41 +4,24 @@
 // The test reads the files that `hopbench fly` reads, and prints its figures for the record.
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)]
 
-use std::path::Path;
+mod files;
 
-use hopbench::input::Document;
 use hopbench::plant::{Plant, Snapshot, State};
-use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
+use hopbench::scenario::{Scenario, Schedule};
 use hopbench::simulation::fly;
 use hopbench::time::SimTime;
-use hopbench::vehicle::{Vehicle, VehicleFile};
 
 /// Steps between two rows of a reference file, 10 Hz.
 const STEPS_PER_ROW: usize = 100;
 /// The same in microseconds.
 const INTERVAL_US: u64 = 100_000;
 
-fn text(path: &str) -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
-}
-
 fn scenario(run: &str, chamber: &str, gimbal_inertia: bool) -> Scenario {
-    let vehicle = VehicleFile::read(
-        &Document::parse("reference.toml", &text("scenarios/vehicles/reference.toml")).unwrap(),
+    let (chamber, gimbal_inertia) = (format!("\"{chamber}\""), gimbal_inertia.to_string());
+    files::scenario(
+        &format!("open_loop_{run}"),
+        &[("model.chamber", &chamber), ("model.gimbal_inertia", &gimbal_inertia)],
     )
-    .unwrap();
-    let vehicle = Vehicle::new(
-        vehicle,
-        &text("scenarios/vehicles/cea_reference_fit.csv"),
-        &text("scenarios/vehicles/valve_area_vs_angle.csv"),
-    )
-    .unwrap();
-    let name = format!("open_loop_{run}");
-    let mut document = Document::parse(&name, &text(&format!("scenarios/{name}.toml"))).unwrap();
-    document.set("model.chamber", &format!("\"{chamber}\"")).unwrap();
-    document.set("model.gimbal_inertia", &gimbal_inertia.to_string()).unwrap();
-    let schedule = Schedule::parse(&text(&format!("scenarios/{name}.csv"))).unwrap();
-    Scenario::new(&name, ScenarioFile::read(&document).unwrap(), vehicle, Some(schedule)).unwrap()
 }
 
 /// Snapshots at 10 Hz.
@@ -79,7 +62,7 @@ const TOLERANCES: [(f64, &[&str]); 14] = [
 ];
 
 fn compare(file: &str, run: &str, chamber: &str, gimbal_inertia: bool) {
-    let reference = text(&format!("tests/reference/open_loop_{file}.csv"));
+    let reference = files::text(&files::folder().join(format!("../tests/reference/open_loop_{file}.csv")));
     let mut lines = reference.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<Vec<f64>> =

@@ -4,21 +4,19 @@
 
 mod files;
 
-use files::{folder, scenario, text, vehicle_of};
+use std::path::Path;
+
+use files::{folder, read, scenario, text, vehicle};
 use hopbench::dynamics::mass::{Contents, ContentsRate};
 use hopbench::frame::{Mat3, inertia_frd_from_structural};
 use hopbench::input::Document;
 use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::scenario::Outcome;
 use hopbench::simulation;
-use hopbench::vehicle::{Vehicle, VehicleFile};
-
-fn gt_document() -> Document {
-    Document::parse("gt_lander.toml", &text(&folder().join("vehicles/gt_lander.toml"))).unwrap()
-}
+use hopbench::vehicle::{Vehicle, VehicleInputs};
 
 fn gt() -> Vehicle {
-    vehicle_of(&gt_document()).unwrap()
+    vehicle("gt_lander")
 }
 
 fn lit(vehicle: &Vehicle) -> EngineCondition {
@@ -115,7 +113,7 @@ fn the_gt_engine_is_near_its_published_operating_points() {
 #[test]
 fn the_gt_lander_flies_the_hop() {
     for seed in [1, 2] {
-        let report = simulation::fly(&scenario("hop_50m_gt", &[]), seed, |_| {}).unwrap().report(false);
+        let report = simulation::fly(&scenario("hop_50m_gt", &[]), seed, |_| {}).unwrap().report();
         assert!(report.expect.passed, "seed {seed}: {:?}", report.expect.items);
         assert_eq!(report.outcome, Outcome::Landed);
     }
@@ -164,12 +162,10 @@ fn a_component_from_a_cad_report_is_the_same_vehicle() {
         let document =
             Document::parse("f.toml", &body.replace(frame, &format!("file = \"frame.txt\"\n{more}")))
                 .unwrap();
-        let mut file = VehicleFile::read(&document)?;
-        assert_eq!(file.mass_reports(), [(0, "frame.txt".to_owned())]);
-        file.import_mass(0, &report).unwrap();
-        let map = text(&folder().join("vehicles/gt_lander_map.csv"));
-        let valve = text(&folder().join("vehicles/gt_lander_valve.csv"));
-        Ok::<_, hopbench::input::InputError>(Vehicle::new(file, &map, &valve).unwrap())
+        let inputs = VehicleInputs::read(document, Path::new("vehicles/f.toml"), |file| {
+            if file.ends_with("frame.txt") { Ok(report.clone()) } else { read(file) }
+        })?;
+        inputs.vehicle()
     };
     let direct = gt();
     let imported = with_file("").unwrap();
@@ -213,7 +209,7 @@ fn static_fire(percent: u32) -> Shape {
     let report =
         simulation::fly(&scenario, 1, |now| rows.push((now.time.s(), now.thrust_n, now.oxidizer_kg_s)))
             .unwrap()
-            .report(false);
+            .report();
     assert!(report.expect.passed, "{:?}", report.expect.items);
     let depleted_s = report.events.iter().find(|e| e.name == "nitrous_depleted").unwrap().time_s;
     let mean = |from: f64, to: f64| {

@@ -4,7 +4,7 @@
 //!
 //! | floor | rooms |
 //! |---|---|
-//! | files | [`load`] scenarios, vehicles and tables, with the file's name in every error |
+//! | files | [`load`] scenarios and vehicles from the disk, with the values that the command line puts in place of theirs |
 //! | the wire | [`wire`]: serial ports, links, MAVLink, damage in between, what is sent when |
 //! | what a run leaves, and aids | [`evidence`] report, certificate, pictures, campaigns; [`doctor`] what is wrong with this machine or board; [`px4`] an airframe for a vehicle; strangers to each other |
 //! | the run | [`mod@bench`]: the loop that steps the plant, its clock, hand-over, services, who watches |

@@ -367,7 +367,7 @@ fn the_autopilot_is_told_of_the_nominal_flight() {
     let told = data_sheet::nominal(&nominal).unwrap();
     let flown = |mut flight: Flight| {
         fly_out(&mut flight, |_| {});
-        let report = flight.report(false);
+        let report = flight.report();
         (report.state_hash, report.mass.initial_kg)
     };
     let plain = flown(Flight::new(&nominal, 9).unwrap());

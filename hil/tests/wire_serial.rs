@@ -57,7 +57,8 @@ fn run(link: &str, profile: &'static Profile, board: impl FnOnce()) -> Report {
     std::thread::scope(|threads| {
         let bench = threads.spawn(|| {
             let (timing, link) = Bench::new(&mut flight, &mut near, options, Live::silent()).run(&stop);
-            let mut report = flight.report(true);
+            let mut report = flight.report();
+            report.require_fc();
             (report.timing, report.link) = (timing, Some(link));
             report
         });

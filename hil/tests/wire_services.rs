@@ -411,7 +411,8 @@ fn watched(options: Options, play: impl FnOnce(&mut Fc, &mut Station)) -> Report
         let bench = threads.spawn(|| {
             let mut ground = Ground::new(ground_near, None);
             Bench::new(&mut flight, &mut near, options, Live::silent()).watched(&mut ground).run(&stop);
-            let mut report = flight.report(true);
+            let mut report = flight.report();
+            report.require_fc();
             report.ground = Some(ground.figures());
             report
         });

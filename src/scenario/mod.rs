@@ -2,11 +2,13 @@
 
 mod campaign;
 mod dispersion;
+mod load;
 mod schedule;
 mod trigger;
 
 pub use campaign::{CampaignFile, Success, Variant};
 pub use dispersion::{Dispersion, Distribution, Mode};
+pub use load::{FileKind, ScenarioInputs};
 pub use schedule::{Schedule, ScheduleError};
 
 use schemars::JsonSchema;
@@ -423,7 +425,7 @@ impl ScenarioFile {
     ///
     /// # Errors
     /// When a key cannot be set; whether it is known is judged when the vehicle is read.
-    pub fn set_vehicle(&self, scenario: &Document, vehicle: &mut Document) -> Result<(), InputError> {
+    fn set_vehicle(&self, scenario: &Document, vehicle: &mut Document) -> Result<(), InputError> {
         for (key, value) in &self.vehicle_set {
             let place = scenario.place_of(&["vehicle_set", key]);
             if value.is_object() {

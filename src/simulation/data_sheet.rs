@@ -1,7 +1,7 @@
-//! What the built-in autopilot is told before a flight: the vehicle's data sheet, not its state.
+//! The data sheet: what the built-in autopilot is told of the vehicle before a flight.
 //!
-//! It gets nominal masses, geometry, noise figures and a thrust table computed once from the engine model,
-//! as a flight computer would be loaded; it never sees what a scenario changes or breaks.
+//! Nominal masses, geometry, noise figures, and a thrust table that the engine model gives once, as a flight
+//! computer would be loaded with. It never sees the vehicle's state, nor what a scenario disturbs or breaks.
 
 use crate::autopilot::Parameters;
 use crate::autopilot::allocation::{ActuatorParameters, GIMBAL_AUTHORITY, ThrottleOutput, ThrustMap};
@@ -28,24 +28,25 @@ use crate::vehicle::Vehicle;
 
 use super::Instrumentation;
 
-/// Nodes of the thrust table.
+/// Nodes of the thrust table over thrust.
 const THRUST_NODES: usize = 24;
+/// Nodes of the thrust table over port radius.
 const RADIUS_NODES: usize = 8;
 
-/// What the autopilot of a whole campaign is told: the parameters for the scenario as written, checked.
+/// The data sheet of a scenario as it is written, checked: what the autopilot of every dispersed flight is told.
 ///
 /// # Errors
 /// When vehicle, site and scenario contradict each other.
 pub fn nominal(scenario: &Scenario) -> Result<Parameters, Invalid> {
     let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(scenario.file.seed))?;
     throttle_band(&scenario.vehicle, &environment)?;
-    let parameters = autopilot(scenario, &environment, &Instrumentation::default());
+    let parameters = parameters(scenario, &environment, &Instrumentation::default());
     parameters.validate()?;
     Ok(parameters)
 }
 
-/// Parameters of the autopilot for a scenario's vehicle, site and mission.
-pub fn autopilot(
+/// The data sheet of a scenario's vehicle, site and mission, for sensors as a profile wants them.
+pub fn parameters(
     scenario: &Scenario,
     environment: &Environment,
     instruments: &Instrumentation,
@@ -107,7 +108,7 @@ fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
 
 /// Whether the engine, its port fresh, reaches the throttle band that the vehicle file promises. A port that has
 /// grown may give less: the autopilot's table ends there.
-pub fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
+pub(super) fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
     let (engine, rating) = (&vehicle.engine, &vehicle.rating);
     let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let condition = lit(vehicle, engine.grain().port_radius_m, environment.atmosphere.pressure_pa);

@@ -104,9 +104,9 @@ pub struct Circumstances {
     pub dt_s: f64,
 }
 
-/// What the referee saw for the first time in this step.
+/// What a step reached, each once in a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Seen {
+pub struct Milestones {
     /// All pads have left the ground.
     pub liftoff: bool,
     /// First contact after being airborne.
@@ -161,8 +161,8 @@ impl Referee {
     }
 
     /// Takes in one step.
-    pub fn watch(&mut self, now: &Snapshot, is: &Circumstances) -> Seen {
-        let mut seen = Seen::default();
+    pub fn watch(&mut self, now: &Snapshot, is: &Circumstances) -> Milestones {
+        let mut reached = Milestones::default();
         let time_s = now.time.s();
         self.max_altitude_m = self.max_altitude_m.max(now.height_m);
         if let Some(reference) = is.hover_reference_ned_m {
@@ -174,13 +174,13 @@ impl Referee {
             }
         }
         if self.rules.has_ground {
-            seen = self.watch_ground(now, is, time_s);
+            reached = self.watch_ground(now, is, time_s);
         }
         if now.singular {
             self.end(Outcome::Aborted);
         }
         if self.rules.scheduled {
-            return seen;
+            return reached;
         }
         // From the first throttle on; only a flame ends the wait, not a controller that gives up.
         if now.lit || self.liftoff_s.is_some() {
@@ -196,15 +196,15 @@ impl Referee {
         if is.mission_s.is_some_and(|mission_s| mission_s >= self.rules.timeout_s) {
             self.end(Outcome::Timeout);
         }
-        seen
+        reached
     }
 
-    fn watch_ground(&mut self, now: &Snapshot, is: &Circumstances, time_s: f64) -> Seen {
-        let mut seen = Seen::default();
+    fn watch_ground(&mut self, now: &Snapshot, is: &Circumstances, time_s: f64) -> Milestones {
+        let mut reached = Milestones::default();
         let on_ground = now.pads_down > 0 || now.hull_contact;
         if self.liftoff_s.is_none() && !on_ground {
             self.liftoff_s = Some(time_s);
-            seen.liftoff = true;
+            reached.liftoff = true;
         }
         if self.liftoff_s.is_some() && self.touchdown.is_none() && !on_ground {
             self.peak_tilt_rad = Some(self.peak_tilt_rad.unwrap_or(0.0).max(now.tilt_rad()));
@@ -223,7 +223,7 @@ impl Referee {
                 control_error_m: None,
                 navigation_error_m: None,
             });
-            seen.touchdown = true;
+            reached.touchdown = true;
         }
         if now.hull_contact || now.leg_deflection_m > self.rules.stroke_m {
             self.end(Outcome::Crashed);
@@ -245,7 +245,7 @@ impl Referee {
             if at_rest && is.mission_s.is_some() {
                 self.end(Outcome::Aborted);
             }
-            return seen;
+            return reached;
         };
         let down = if is.aborted { Outcome::Aborted } else { Outcome::Landed };
         if at_rest {
@@ -254,6 +254,6 @@ impl Referee {
         if time_s - contact.time_s >= AFTER_CONTACT_S && !self.rules.scheduled {
             self.end(if rested_s >= REST_S { down } else { Outcome::Timeout });
         }
-        seen
+        reached
     }
 }

@@ -35,7 +35,7 @@ impl Flown {
 /// What the autopilot of a scenario is told before anybody changes it.
 pub fn parameters(scenario: &Scenario, seed: u32) -> Parameters {
     let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(seed)).unwrap();
-    data_sheet::autopilot(scenario, &environment, &Instrumentation::default())
+    data_sheet::parameters(scenario, &environment, &Instrumentation::default())
 }
 
 /// Flies `scenario`; `sensed` and `commanded` break measurements and commands, at a mission time (s, zero before the
@@ -98,7 +98,7 @@ pub fn fly(
             flight.end(Outcome::Timeout);
         }
     }
-    Flown { report: flight.report(false), commands, thrust_n, autopilot }
+    Flown { report: flight.report(), commands, thrust_n, autopilot }
 }
 
 /// The scenario with something in it that turns the vehicle about its long axis (N m, FRD z), one way from 5 to 20 s of

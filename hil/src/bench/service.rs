@@ -259,9 +259,12 @@ impl Bench<'_> {
         // The answer to whoever asked, and how the flight ended, go before the mark of the new one.
         self.serve();
         self.flush();
-        let fc_must_fly = self.options.source == Source::Fc && !self.scenario.file.fallback_expected;
+        let mut report = self.flight.report();
+        if self.options.source == Source::Fc && !self.scenario.file.fallback_expected {
+            report.require_fc();
+        }
         let seed = fresh.seed();
-        self.flight.begin_again(*fresh, fc_must_fly);
+        self.flight.begin_again(*fresh, report);
         self.live.notice(format!("reset: flight {} begins, seed {seed}", self.flight.earlier().len() + 1));
         // A sample's place on the wire passes: the mark of the new flight takes it.
         let services = &mut self.services;

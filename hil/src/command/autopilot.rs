@@ -96,7 +96,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
 pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: ThrottleKind) -> Result<Pilot> {
     let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(scenario.file.seed))
         .map_err(|fault| load::contradiction(Path::new(&scenario.name), fault))?;
-    let mut parameters = data_sheet::autopilot(scenario, &environment, instruments);
+    let mut parameters = data_sheet::parameters(scenario, &environment, instruments);
     parameters.actuators.throttle_output = match scenario.vehicle.controls.speaks(throttle) {
         ThrottleKind::Thrust => ThrottleOutput::Thrust,
         ThrottleKind::Valve => ThrottleOutput::Valve,

@@ -8,14 +8,14 @@ use anyhow::Result;
 use hopbench::input::{Diagnostic, InputError};
 use hopbench::plant::signs;
 use hopbench::propulsion::ValveMapCheck;
-use hopbench::scenario::{CampaignFile, ScenarioFile};
+use hopbench::scenario::{CampaignFile, FileKind, ScenarioFile};
 use hopbench::simulation::Flight;
 use hopbench::vehicle::VehicleFile;
 use serde_json::json;
 
 use super::{Common, DONE, UNEXPECTED, leaves_nothing, print_json, print_text};
 use crate::evidence::campaign::Campaign;
-use crate::load::{self, Kind};
+use crate::load;
 
 /// Validate any scenario, vehicle or campaign file
 #[derive(Debug, clap::Args)]
@@ -37,11 +37,11 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     leaves_nothing(common, "redirect what it prints")?;
     let document = load::document(&args.file)?;
-    let kind = load::kind(&document)?;
+    let kind = FileKind::of(&document)?;
     let schema = match kind {
-        Kind::Vehicle => schemars::schema_for!(VehicleFile),
-        Kind::Scenario => schemars::schema_for!(ScenarioFile),
-        Kind::Campaign => schemars::schema_for!(CampaignFile),
+        FileKind::Vehicle => schemars::schema_for!(VehicleFile),
+        FileKind::Scenario => schemars::schema_for!(ScenarioFile),
+        FileKind::Campaign => schemars::schema_for!(CampaignFile),
     };
     if args.schema {
         print_json(&schema)?;
@@ -78,8 +78,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Ok(ExitCode::from(DONE));
     }
     let vehicle = match kind {
-        Kind::Vehicle => load::vehicle(&args.file, &common.set)?,
-        Kind::Scenario => {
+        FileKind::Vehicle => load::vehicle(&args.file, &common.set)?,
+        FileKind::Scenario => {
             let scenario = load::scenario(&args.file, &common.set, None)?;
             // All that a flight is refused for before its first step.
             let seed = common.seed.unwrap_or(scenario.file.seed);
@@ -87,7 +87,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             Flight::new(&scenario, seed).map_err(|fault| load::contradiction(&args.file, fault))?;
             scenario.vehicle
         }
-        Kind::Campaign => {
+        FileKind::Campaign => {
             let mut campaign = Campaign::open(&args.file, &common.set)?;
             campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
             // Every draw of every flight, so that none is refused later.
@@ -126,11 +126,11 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Ok(ExitCode::from(if agrees { DONE } else { UNEXPECTED }));
     }
     let what = match kind {
-        Kind::Vehicle => "vehicle",
-        Kind::Scenario => "scenario",
-        Kind::Campaign => "campaign",
+        FileKind::Vehicle => "vehicle",
+        FileKind::Scenario => "scenario",
+        FileKind::Campaign => "campaign",
     };
-    let map = (kind == Kind::Vehicle).then(|| vehicle.engine.valve_area().check());
+    let map = (kind == FileKind::Vehicle).then(|| vehicle.engine.valve_area().check());
     if common.json {
         print_json(&json!({ "file": args.file, "kind": what, "valid": true, "valve_map": map }))?;
     } else {

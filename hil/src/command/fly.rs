@@ -67,7 +67,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     let wall_s = start.elapsed().as_secs_f64();
 
-    let mut report = flight.report(false);
+    let mut report = flight.report();
     report.timing.wall_s = wall_s;
     report.timing.realtime_factor = report.timing.simulated_s / wall_s;
     report.timing.step_us = cost.durations.percentiles();

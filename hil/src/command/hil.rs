@@ -165,7 +165,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         built_in.join();
     }
 
-    let mut report = flight.report(args.fc.is_some() && !scenario.file.fallback_expected);
+    let mut report = flight.report();
+    if args.fc.is_some() && !scenario.file.fallback_expected {
+        report.require_fc();
+    }
     report.timing = timing;
     report.link = Some(link_report);
     report.overrides = common.set.clone();

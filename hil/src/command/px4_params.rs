@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use hopbench::scenario::FileKind;
 use serde_json::json;
 
 use super::{Common, DONE, print_json, print_text, wrong};
 use crate::evidence::report::RunFolder;
-use crate::load::{self, Kind};
+use crate::load;
 use crate::px4::budget::Hop;
 use crate::px4::{airframe, files};
 
@@ -46,7 +47,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         hold_s: within("--hold-s", args.hold_s, 0.0, 300.0)?,
     };
     let document = load::document(&args.vehicle)?;
-    if load::kind(&document)? != Kind::Vehicle {
+    if FileKind::of(&document)? != FileKind::Vehicle {
         return Err(load::unusable(&args.vehicle, "not a vehicle file: it has no [vehicle] table").into());
     }
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;

@@ -42,7 +42,8 @@ pub fn run(scenario: &Scenario, options: Options, fc: impl FnOnce(&mut Fc) -> Th
     std::thread::scope(|threads| {
         let bench = threads.spawn(|| {
             let (timing, link) = Bench::new(&mut flight, &mut near, options, Live::silent()).run(&stop);
-            let mut report = flight.report(true);
+            let mut report = flight.report();
+            report.require_fc();
             (report.timing, report.link) = (timing, Some(link));
             report
         });

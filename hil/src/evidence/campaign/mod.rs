@@ -12,10 +12,10 @@ use std::sync::mpsc;
 use anyhow::Result;
 use hopbench::autopilot::Parameters;
 use hopbench::input::{Diagnostic, Document, InputError, Invalid};
-use hopbench::scenario::{CampaignFile, Scenario};
+use hopbench::scenario::{CampaignFile, FileKind, Scenario, ScenarioInputs};
 use hopbench::simulation::{Flight, Report, data_sheet, fly_out};
 
-use crate::load::{self, Overrides, ScenarioTexts};
+use crate::load::{self, Overrides};
 use table::Row;
 
 pub mod folder;
@@ -45,7 +45,7 @@ pub struct Configuration {
     pub nominal: Scenario,
     /// What the autopilot is told.
     told: Parameters,
-    texts: ScenarioTexts,
+    inputs: ScenarioInputs,
     values: serde_json::Value,
 }
 
@@ -73,7 +73,7 @@ impl Campaign {
     /// When a file is wrong, or the flight before anything is drawn cannot be.
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, InputError> {
         let document = load::document(path)?;
-        if load::kind(&document)? != load::Kind::Campaign {
+        if FileKind::of(&document)? != FileKind::Campaign {
             return Err(load::unusable(path, "no campaign: it names no scenario = \"FILE\""));
         }
         let file = CampaignFile::read(&document)?;
@@ -99,9 +99,9 @@ impl Campaign {
                 }
                 error
             };
-            let texts = ScenarioTexts::gather(&scenario, &set, None).map_err(of_variant)?;
+            let inputs = load::inputs(&scenario, &set, None).map_err(of_variant)?;
             let (nominal, values) =
-                (texts.scenario().map_err(of_variant)?, texts.values().map_err(of_variant)?);
+                (inputs.scenario().map_err(of_variant)?, inputs.values().map_err(of_variant)?);
             load::flyable(&scenario, &nominal)?;
             if nominal.schedule.is_some() {
                 let message = "a campaign judges landings: its scenario has no command schedule";
@@ -109,7 +109,7 @@ impl Campaign {
             }
             let told = data_sheet::nominal(&nominal)
                 .map_err(|fault| of_variant(load::contradiction(&scenario, fault)))?;
-            configurations.push(Configuration { name: variant.name, nominal, told, texts, values });
+            configurations.push(Configuration { name: variant.name, nominal, told, inputs, values });
         }
         let name = path.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());
         Ok(Self { name, path: path.to_owned(), file, configurations, document })
@@ -149,7 +149,7 @@ impl Campaign {
         for configuration in &self.configurations {
             hash.add(configuration.name.as_bytes());
             hash.add(configuration.values.to_string().as_bytes());
-            configuration.texts.tables().iter().for_each(|table| hash.add(table.as_bytes()));
+            configuration.inputs.tables().iter().for_each(|table| hash.add(table.as_bytes()));
         }
         hash.hex()
     }
@@ -168,7 +168,7 @@ impl Campaign {
         seed: u32,
         draws: &[Vec<f64>],
     ) -> Result<(Scenario, Vec<String>), InputError> {
-        let mut texts = configuration.texts.clone();
+        let mut inputs = configuration.inputs.clone();
         let mut changed = Vec::new();
         for (index, (entry, draw)) in self.file.dispersion.iter().zip(draws).enumerate() {
             let within = format!("dispersion.{index}");
@@ -178,10 +178,10 @@ impl Campaign {
             let place = self.document.place_of(&["dispersion", &index.to_string()]);
             for (key, value) in changes {
                 changed.push(format!("{key}={value}"));
-                texts.put(&place, &key, value)?;
+                inputs.put(&place, &key, value)?;
             }
         }
-        let mut scenario = texts.scenario().map_err(|error| self.drawn(error, seed, draws))?;
+        let mut scenario = inputs.scenario().map_err(|error| self.drawn(error, seed, draws))?;
         scenario.file.expect = self.file.success.expect();
         Ok((scenario, changed))
     }
@@ -232,7 +232,7 @@ impl Campaign {
         };
         let mut flight = Flight::dispersed(&scenario, seed, &configuration.told).map_err(refused)?;
         fly_out(&mut flight, |_| {});
-        let mut report = flight.report(false);
+        let mut report = flight.report();
         report.overrides = overrides;
         let run = seed.wrapping_sub(self.file.seed);
         let row = Row::new(run, &configuration.name, draws.concat(), &flight, &report);

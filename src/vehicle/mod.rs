@@ -1,8 +1,12 @@
 //! A vehicle as data: every parameter of a vehicle file, checked, and put into body axes.
 //!
-//! Vehicle files speak the structural frame (x toward leg 1, z toward the nose). [`Vehicle::new`] turns
-//! every vector and tensor into body FRD, here and nowhere else; scalar heights (`..._z_m`) stay heights
-//! above the gimbal pivot.
+//! Vehicle files speak the structural frame (x toward leg 1, z toward the nose). [`Vehicle::load`] turns every vector
+//! and tensor into body FRD, here and nowhere else; scalar heights (`..._z_m`) stay heights above the gimbal pivot.
+
+mod load;
+
+pub use load::VehicleInputs;
+pub(crate) use load::folder_of;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -211,14 +215,14 @@ impl VehicleFile {
     ///
     /// # Errors
     /// When a key is unknown, missing, of the wrong kind, out of range or at odds with another.
-    pub fn read(document: &Document) -> Result<Self, InputError> {
+    fn read(document: &Document) -> Result<Self, InputError> {
         let file: Self = document.read()?;
         let faults = file.contradictions();
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
     }
 
     /// Components that name a mass report: their index and the file.
-    pub fn mass_reports(&self) -> Vec<(usize, String)> {
+    fn mass_reports(&self) -> Vec<(usize, String)> {
         let named = self.component.iter().enumerate();
         named.filter_map(|(index, part)| Some((index, part.file.clone()?))).collect()
     }
@@ -227,7 +231,7 @@ impl VehicleFile {
     ///
     /// # Errors
     /// When the report cannot be read, or tells of a body that cannot be.
-    pub fn import_mass(&mut self, index: usize, report: &str) -> Result<(), MassReportError> {
+    fn import_mass(&mut self, index: usize, report: &str) -> Result<(), MassReportError> {
         let report = MassReport::parse(report)?;
         let part = &mut self.component[index];
         part.import(&report);
@@ -286,7 +290,7 @@ impl VehicleFile {
 
 /// Table that a vehicle file names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Table {
+enum Table {
     /// `engine.map.file`.
     Map,
     /// `feed.valve.area_file`.
@@ -295,7 +299,7 @@ pub enum Table {
 
 /// Why a vehicle file and its tables make no vehicle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum VehicleError {
+enum VehicleError {
     /// A table cannot be read.
     #[error("{message}")]
     Table {
@@ -442,7 +446,7 @@ impl Vehicle {
     ///
     /// # Errors
     /// When a table cannot be read or contradicts the file.
-    pub fn new(file: VehicleFile, map: &str, valve_area: &str) -> Result<Self, VehicleError> {
+    fn new(file: VehicleFile, map: &str, valve_area: &str) -> Result<Self, VehicleError> {
         let texts = EngineTexts { map, valve_area };
         let engine = Engine::new(&file.engine, &file.feed, &file.paper_mode, texts).map_err(|e| match e {
             EngineError::ValveArea(e) => {
