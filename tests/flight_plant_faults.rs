@@ -69,7 +69,12 @@ fn after(flight: &mut Flight, command: &ActuatorCommand, seconds: f64) -> Snapsh
 }
 
 fn event_s(flight: &Flight, name: &str) -> f64 {
-    flight.events().iter().find(|event| event.name == name).unwrap_or_else(|| panic!("no {name}")).time_s
+    flight
+        .events()
+        .iter()
+        .find(|event| event.kind.name() == name)
+        .unwrap_or_else(|| panic!("no {name}"))
+        .time_s
 }
 
 /// Thrust of a flow that does not burn.

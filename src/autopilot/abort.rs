@@ -9,6 +9,7 @@
 //! navigation's belief, since there is no other.
 
 use super::phase::{Mission, Phase};
+pub use crate::event::AbortReason;
 use crate::time::SimTime;
 use serde::{Deserialize, Serialize};
 
@@ -94,66 +95,7 @@ pub enum AbortKind {
     Cut,
 }
 
-/// Why a mission ends early.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AbortReason {
-    /// What is left no longer than carries the vehicle down.
-    Propellant,
-    /// Tilted beyond what control commands.
-    Tilt,
-    /// Neither satellites nor altimeter.
-    Navigation,
-    /// More sideways force by the air than is allowed.
-    Wind,
-    /// Guidance has nothing left to offer.
-    Guidance,
-    /// The vehicle is not where the reference is.
-    OffReference,
-    /// Tilted beyond return.
-    Toppling,
-    /// About to leave the volume cleared for the flight.
-    FlightVolume,
-    /// Full thrust would not stop the fall before the ground.
-    CannotStop,
-    /// Thrust far above the command.
-    Runaway,
-    /// Nothing tells how the vehicle moves.
-    Inertial,
-}
-
 impl AbortReason {
-    /// All of them, cuts first: of two in one step the graver counts.
-    pub const ALL: [Self; 11] = [
-        Self::Toppling,
-        Self::FlightVolume,
-        Self::CannotStop,
-        Self::Runaway,
-        Self::Inertial,
-        Self::Guidance,
-        Self::Tilt,
-        Self::OffReference,
-        Self::Navigation,
-        Self::Wind,
-        Self::Propellant,
-    ];
-
-    /// Name in events: `abort:NAME`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Propellant => "propellant",
-            Self::Tilt => "tilt",
-            Self::Navigation => "navigation",
-            Self::Wind => "wind",
-            Self::Guidance => "guidance",
-            Self::OffReference => "off_reference",
-            Self::Toppling => "toppling",
-            Self::FlightVolume => "flight_volume",
-            Self::CannotStop => "cannot_stop",
-            Self::Runaway => "runaway",
-            Self::Inertial => "inertial",
-        }
-    }
-
     /// What it leads to.
     pub const fn kind(self) -> AbortKind {
         match self {

@@ -6,59 +6,10 @@
 //! the last metres or at disarmed.
 
 use super::abort::AbortLimits;
+pub use crate::event::Phase;
 use serde::{Deserialize, Serialize};
 
-/// Part of the flight. Serialised and named in snake case.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// Standing still: attitude, biases and the local origin are being found.
-    Align,
-    /// Aligned and armed; the isolation valve opens.
-    Ready,
-    /// Throttle at idle until the chamber burns.
-    Ignition,
-    /// Thrust rises, lift-off, climb to the hover height.
-    Ascent,
-    /// Hover, with the sideways part of the mission.
-    Hover,
-    /// Fast part of the way down.
-    Descent,
-    /// Last metres at constant speed.
-    Terminal,
-    /// Contact seen, engine commanded off.
-    Touchdown,
-    /// On the ground, engine off, still armed.
-    Shutdown,
-    /// Disarmed.
-    Done,
-    /// Mission given up: down where the vehicle is, until the last metres.
-    AbortLand,
-    /// Vehicle given up: engine off.
-    AbortCut,
-}
-
 impl Phase {
-    /// Name in events: `phase:NAME`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Align => "align",
-            Self::Ready => "ready",
-            Self::Ignition => "ignition",
-            Self::Ascent => "ascent",
-            Self::Hover => "hover",
-            Self::Descent => "descent",
-            Self::Terminal => "terminal",
-            Self::Touchdown => "touchdown",
-            Self::Shutdown => "shutdown",
-            Self::Done => "done",
-            Self::AbortLand => "abort_land",
-            Self::AbortCut => "abort_cut",
-        }
-    }
-
     /// Thrust and attitude are under feedback.
     pub const fn is_flight(self) -> bool {
         matches!(self, Self::Ascent | Self::Hover | Self::Descent | Self::Terminal | Self::AbortLand)

@@ -1,8 +1,9 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{CachedRate, Evaluation, Plant, PlantEvent, State};
+use super::{CachedRate, Evaluation, Plant, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
+use crate::event::{Event, EventKind};
 use crate::fluid::Nitrous;
 use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
@@ -22,10 +23,11 @@ impl Plant {
     pub(super) fn disturb(&mut self, dt_s: f64) {
         let state = &self.state;
         self.environment.wind.advance(dt_s, -state.position_ned_m.z, state.velocity_ned_m_s);
-        let (time, mission_s, events) = (self.time, self.mission_s(), &mut self.events);
+        let (time_s, mission_s, events) = (self.time.s(), self.mission_s(), &mut self.events);
         self.discrete.disturbed = self.disturbances.advance(dt_s, mission_s, |name, begins| {
             let detail = format!("{name} {}", if begins { "begins" } else { "ends" });
-            events.push(PlantEvent { time, name: "disturbance", detail: detail.trim_start().to_owned() });
+            let kind = EventKind::Disturbance;
+            events.push(Event { time_s, kind, detail: detail.trim_start().to_owned() });
         });
     }
 
@@ -51,7 +53,7 @@ impl Plant {
         self.discrete.update_warm_start(now.engine.guess);
         if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
             self.discrete.singular = true;
-            self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
+            self.note(EventKind::Singular, "mass or inertia is not that of a body".to_owned());
         }
 
         // What integration may leave a rounding below zero.
@@ -87,7 +89,7 @@ impl Plant {
         // Depletion.
         if !self.discrete.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
             self.discrete.nitrous_depleted = true;
-            self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
+            self.note(EventKind::NitrousDepleted, format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
         self.watch_the_tank(&now.pressurant);
         let asked = self.discrete.demand.valve_rad > 0.0;
@@ -124,11 +126,11 @@ impl Plant {
                     vapor_pa * 1e-5
                 );
             }
-            self.note("bottle_low", detail);
+            self.note(EventKind::BottleLow, detail);
         }
         if high && !self.discrete.tank_high {
             self.note(
-                "tank_high",
+                EventKind::TankHigh,
                 format!("tank {:.1} bar, above its regulator; no relief valve", now.tank_pa * 1e-5),
             );
         }
@@ -148,7 +150,7 @@ impl Plant {
             && self.usable_fuel_kg(&self.state) < tail_s * self.discrete.full_fuel_kg_s
         {
             self.discrete.burnt_through = true;
-            self.note("fuel_burn_through", chamber());
+            self.note(EventKind::FuelBurnThrough, chamber());
         }
         let flame = self.vehicle.engine_parameters.ignition.advance(
             &self.discrete.flame,
@@ -166,12 +168,12 @@ impl Plant {
             (false, true) => {
                 self.discrete.ignition.get_or_insert(self.time);
                 self.light_pool(now);
-                self.note("ignition", chamber());
+                self.note(EventKind::Ignition, chamber());
             }
             (true, false) => {
                 self.state.burning_fraction = 0.0;
                 self.state.fuel_flow_kg_s = 0.0;
-                self.note("shutdown", chamber());
+                self.note(EventKind::Shutdown, chamber());
             }
             _ => {}
         }

@@ -22,7 +22,6 @@ pub mod signs;
 mod snapshot;
 mod state;
 
-pub use sequence::PlantEvent;
 pub use snapshot::Snapshot;
 pub use state::{Rate, State};
 
@@ -34,6 +33,7 @@ use crate::dynamics::landing_gear::{Anchors, Contact, Grip, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
+use crate::event::{Event, EventKind};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
@@ -66,7 +66,7 @@ pub struct Plant {
     discrete: DiscreteState,
     disturbances: Disturbances,
     sequence: Sequence,
-    events: Vec<PlantEvent>,
+    events: Vec<Event>,
     snapshot: Snapshot,
     frozen: Frozen,
     /// `None`: full fidelity.
@@ -377,8 +377,8 @@ impl Plant {
         }
     }
 
-    pub(super) fn note(&mut self, name: &'static str, detail: String) {
-        self.events.push(PlantEvent { time: self.time, name, detail });
+    pub(super) fn note(&mut self, kind: EventKind, detail: String) {
+        self.events.push(Event { time_s: self.time.s(), kind, detail });
     }
 
     pub(super) fn fuel_kg(&self, state: &State) -> f64 {
@@ -427,7 +427,7 @@ impl Plant {
     }
 
     /// Events since the last call.
-    pub fn take_events(&mut self) -> std::vec::Drain<'_, PlantEvent> {
+    pub fn take_events(&mut self) -> std::vec::Drain<'_, Event> {
         self.events.drain(..)
     }
 

@@ -3,7 +3,6 @@
 mod campaign;
 mod dispersion;
 mod schedule;
-mod trigger;
 
 pub use campaign::{CampaignFile, Success, Variant};
 pub use dispersion::{Dispersion, Distribution, Mode};
@@ -493,7 +492,7 @@ impl ScenarioFile {
         if let Err(fault) = disturbance::validate(&file.disturbance) {
             faults.push(fault.within("disturbance"));
         }
-        if let Err(wrong) = fault::validate(&file.fault).and_then(|()| trigger::validate(&file.fault)) {
+        if let Err(wrong) = fault::validate(&file.fault) {
             faults.push(wrong.within("fault"));
         }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }

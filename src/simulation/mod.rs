@@ -12,10 +12,11 @@ mod referee;
 pub mod report;
 
 pub use referee::{Circumstances, Referee, Rules};
-pub use report::{Event, FlownBy, Ladders, Report, Source};
+pub use report::{FlownBy, Ladders, Report, Source};
 
 use crate::autopilot::abort::{Abort, AbortKind};
 use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
+use crate::event::{Event, EventKind, Phase};
 use crate::fault::{self, Acting, Component, Fault, Faults, Mode, WireEffect};
 use crate::frame::Vec3;
 use crate::input::Invalid;
@@ -57,7 +58,7 @@ pub struct Flight {
     handovers: Vec<Handover>,
     source: Source,
     armed: bool,
-    phase: Option<&'static str>,
+    phase: Option<Phase>,
     abort: Option<Abort>,
     hash: Fnv,
     steps: u64,
@@ -243,20 +244,14 @@ impl Flight {
     /// Advances one step under a command.
     pub fn step(&mut self, command: &ActuatorCommand) {
         if command.armed && !self.armed {
-            self.event("armed", String::new());
+            self.event(EventKind::Armed, String::new());
         }
         self.armed = command.armed;
         self.break_down();
         self.plant.step(command);
         self.steps += 1;
         self.snapshot = *self.plant.snapshot();
-        for event in self.plant.take_events() {
-            self.events.push(Event {
-                time_s: event.time.s(),
-                name: event.name.to_owned(),
-                detail: event.detail,
-            });
-        }
+        self.events.extend(self.plant.take_events());
         let truth = self.plant.truth();
         let time = self.plant.time();
         self.measurement = self.sensors.as_mut().and_then(|sensors| sensors.sample(&truth, time));
@@ -276,7 +271,7 @@ impl Flight {
             },
         );
         if seen.liftoff {
-            self.event("liftoff", String::new());
+            self.event(EventKind::Liftoff, String::new());
         }
         if seen.touchdown {
             self.touchdown_event();
@@ -289,7 +284,7 @@ impl Flight {
     /// Lets begin and end what breaks, and tells the plant.
     fn break_down(&mut self) {
         while let Some(event) = self.events.get(self.heard) {
-            self.faults.hear(&event.name);
+            self.faults.hear(&event.kind);
             self.heard += 1;
         }
         let (time, events) = (self.plant.time(), &mut self.events);
@@ -303,9 +298,9 @@ impl Flight {
         self.faults.advance(&now, |fault, begins| {
             let (name, time_s) = (fault.name(), time.s());
             events.push(if begins {
-                Event { time_s, name: format!("fault:{name}"), detail: fault.describe() }
+                Event { time_s, kind: EventKind::Fault(name), detail: fault.describe() }
             } else {
-                Event { time_s, name: format!("fault_over:{name}"), detail: String::new() }
+                Event { time_s, kind: EventKind::FaultOver(name), detail: String::new() }
             });
         });
         self.plant.set_faults(&self.faults.effects().plant);
@@ -319,7 +314,7 @@ impl Flight {
     pub fn inject(&mut self, fault: &Fault) -> Result<(), Invalid> {
         self.faults.inject(fault, self.plant.time())?;
         self.note_modified(&format!("fault {}", fault.describe()));
-        self.event(&format!("fault:{}", fault.name()), fault.describe());
+        self.event(EventKind::Fault(fault.name()), fault.describe());
         Ok(())
     }
 
@@ -327,11 +322,12 @@ impl Flight {
     pub fn clear_fault(&mut self, component: Component, mode: Option<Mode>) -> usize {
         let mut ended = Vec::new();
         self.faults.clear(component, mode, |fault| ended.push((fault.name(), fault.describe())));
-        for (name, what) in &ended {
+        let count = ended.len();
+        for (name, what) in ended {
             self.note_modified(&format!("mended {what}"));
-            self.event(&format!("fault_over:{name}"), String::new());
+            self.event(EventKind::FaultOver(name), String::new());
         }
-        ended.len()
+        count
     }
 
     /// The faults that act now.
@@ -350,7 +346,7 @@ impl Flight {
         self.modified_count += 1;
         if self.modified.len() < MODIFIED_KEPT {
             self.modified.push(format!("{:.3} s: {what}", self.plant.time().s()));
-            self.event("modified", what.to_owned());
+            self.event(EventKind::Modified, what.to_owned());
         }
     }
 
@@ -361,7 +357,7 @@ impl Flight {
 
     /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
     fn hover_reference(&self) -> Option<Vec3> {
-        (self.source == Source::Autopilot && self.phase == Some("hover")).then(|| {
+        (self.source == Source::Autopilot && self.phase == Some(Phase::Hover)).then(|| {
             let reference =
                 self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m);
             self.in_pad_frame(reference)
@@ -371,7 +367,7 @@ impl Flight {
     /// How far the flight's own autopilot believes to be off the reference of its hover, at every measurement.
     fn hover_control_error(&self) -> Option<Vec3> {
         let own = self.source == Source::Autopilot && !self.flown_elsewhere;
-        (own && self.phase == Some("hover") && self.measurement.is_some())
+        (own && self.phase == Some(Phase::Hover) && self.measurement.is_some())
             .then(|| self.autopilot.estimate().position_ned_m - self.autopilot.reference().position_ned_m)
     }
 
@@ -394,7 +390,7 @@ impl Flight {
             self.estimate_at_touchdown = Some(self.autopilot.estimate().position_ned_m);
         }
         self.event(
-            "touchdown",
+            EventKind::Touchdown,
             format!(
                 "{:.2} m/s down, {:.2} m/s across, tilt {:.1} deg",
                 touchdown.vertical_speed_m_s, touchdown.lateral_speed_m_s, touchdown.tilt_deg
@@ -453,7 +449,7 @@ impl Flight {
         let measurement = self.measurement.as_ref()?;
         let command = self.autopilot.update(measurement);
         self.note_abort(self.autopilot.abort());
-        self.note_phase(self.autopilot.phase().name());
+        self.note_phase(self.autopilot.phase());
         Some(command)
     }
 
@@ -465,10 +461,10 @@ impl Flight {
     }
 
     /// Notes the phase of the mission, whoever carries it.
-    pub fn note_phase(&mut self, phase: &'static str) {
+    pub fn note_phase(&mut self, phase: Phase) {
         if self.phase != Some(phase) {
             self.phase = Some(phase);
-            self.event(&format!("phase:{phase}"), String::new());
+            self.event(EventKind::Phase(phase), String::new());
         }
     }
 
@@ -482,12 +478,12 @@ impl Flight {
                 AbortKind::Land => "lands where it is",
                 AbortKind::Cut => "engine cut",
             };
-            self.event(&format!("abort:{}", reason.name()), format!("{how}, decided at {:.3} s", time.s()));
+            self.event(EventKind::Abort(reason), format!("{how}, decided at {:.3} s", time.s()));
         }
     }
 
     /// The phase noted last.
-    pub fn phase(&self) -> Option<&'static str> {
+    pub fn phase(&self) -> Option<Phase> {
         self.phase
     }
 
@@ -499,8 +495,8 @@ impl Flight {
     }
 
     /// Adds an event.
-    pub fn event(&mut self, name: &str, detail: String) {
-        self.events.push(Event { time_s: self.plant.time().s(), name: name.to_owned(), detail });
+    pub fn event(&mut self, kind: EventKind, detail: String) {
+        self.events.push(Event { time_s: self.plant.time().s(), kind, detail });
     }
 
     /// Everything that happened so far.

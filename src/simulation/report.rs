@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use crate::event::{Event, EventKind};
 use crate::scenario::{Expect, Fidelity, Outcome};
 
 /// One run, as reported. Keys are a contract.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Name of the scenario.
     pub scenario: String,
@@ -18,7 +19,7 @@ pub struct Report {
     /// Who flew, in order.
     pub flown_by: Vec<FlownBy>,
     /// Changes of who flies while the bench flew; absent when there was none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub handovers: Vec<Handover>,
     /// What was expected, and what came.
     pub expect: Verdict,
@@ -29,7 +30,6 @@ pub struct Report {
     /// The hover phase of the mission.
     pub hover: Option<Hover>,
     /// What the built-in autopilot's ladders did, where it flew in this process.
-    #[serde(default)]
     pub autopilot: Option<Ladders>,
     /// Fluids and fuel.
     pub propellant: Propellant,
@@ -46,28 +46,26 @@ pub struct Report {
     /// Folder of the run, if one was written.
     pub run: Option<String>,
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
     /// What was changed from outside while it flew, in order; such a run is not its scenario's. The first
     /// hundred changes, and then how many more there were.
-    #[serde(default)]
     pub modified: Vec<String>,
     /// How many changes that were.
-    #[serde(default)]
     pub modified_count: usize,
     /// Names of the scenario's faults that never began; absent when all did.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults_idle: Vec<String>,
     /// Reports of the flights before this one in the same process, each ended by a reset; absent when there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub flights: Vec<Report>,
     /// The ground station's link, where there was one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<GroundReport>,
 }
 
 /// What passed on the ground station's link.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct GroundReport {
     /// Frames of the bench itself.
     pub sent: u64,
@@ -84,7 +82,7 @@ pub struct GroundReport {
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Ladders {
     /// Predictive control, fifty times a second: `solved`, `capped`, `oracle`, `shifted`, `feedback`, `cascade`.
     pub control: BTreeMap<String, u64>,
@@ -95,7 +93,7 @@ pub struct Ladders {
 }
 
 /// Who commands the vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// A flight controller on the link.
@@ -107,7 +105,7 @@ pub enum Source {
 }
 
 /// A span of the run in one hand.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FlownBy {
     /// Whose.
     pub source: Source,
@@ -118,7 +116,7 @@ pub struct FlownBy {
 }
 
 /// A change of who flies, and what it did to the vehicle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Handover {
     /// Who took over; null: the engine was cut.
     pub to: Option<Source>,
@@ -141,7 +139,7 @@ pub struct Handover {
 }
 
 /// Greatest tilt and body rate of a span.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Unrest {
     /// Tilt of the long axis (deg).
     pub tilt_deg: f64,
@@ -158,7 +156,7 @@ impl Unrest {
 }
 
 /// Expectations against results.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Verdict {
     /// Every item passed.
     pub passed: bool,
@@ -167,7 +165,7 @@ pub struct Verdict {
 }
 
 /// One expectation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Item {
     /// Key in `[expect]`.
     pub name: String,
@@ -180,7 +178,7 @@ pub struct Item {
 }
 
 /// First pad contact after lift-off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Touchdown {
     /// Run time (s).
     pub time_s: f64,
@@ -199,7 +197,7 @@ pub struct Touchdown {
 }
 
 /// The hover phase.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Hover {
     /// Length (s).
     pub duration_s: f64,
@@ -208,22 +206,19 @@ pub struct Hover {
     /// Root mean square of true horizontal distance from the reference (m).
     pub lateral_rms_m: f64,
     /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who flew sits at the other end of a link.
-    #[serde(default)]
     pub altitude_control_rms_m: Option<f64>,
     /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew sits at the other end of a link.
-    #[serde(default)]
     pub lateral_control_rms_m: Option<f64>,
 }
 
 /// Fluids and fuel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Propellant {
     /// Nitrous oxide that left the tank for good, liquid and vapour (kg).
     pub nitrous_used_kg: f64,
     /// Liquid nitrous oxide left (kg).
     pub nitrous_left_kg: f64,
     /// Nitrous oxide vapour in the run tank, neither used nor left as propellant (kg).
-    #[serde(default)]
     pub nitrous_vapor_kg: f64,
     /// Fuel used (kg).
     pub fuel_used_kg: f64,
@@ -234,12 +229,11 @@ pub struct Propellant {
     /// Nitrogen through the vent (kg).
     pub nitrogen_vented_kg: f64,
     /// Nitrogen through the engine, once an outlet that uncovers draws gas (kg).
-    #[serde(default)]
     pub nitrogen_nozzle_kg: f64,
 }
 
 /// Mass book-keeping.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MassBalance {
     /// At step 0 (kg).
     pub initial_kg: f64,
@@ -250,8 +244,7 @@ pub struct MassBalance {
 }
 
 /// Simulated and wall time.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Timing {
     /// Which physics the plant ran.
     pub plant_mode: Fidelity,
@@ -306,7 +299,7 @@ pub struct Timing {
 }
 
 /// A row of steps that began late.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Overrun {
     /// Run time of the first (s).
     pub time_s: f64,
@@ -319,7 +312,7 @@ pub struct Overrun {
 }
 
 /// What the kernel granted the thread that steps the plant.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Scheduler {
     /// The real-time class SCHED_FIFO.
     pub fifo: bool,
@@ -334,8 +327,7 @@ pub struct Scheduler {
 }
 
 /// Median and tail of a distribution.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Percentiles {
     /// Median.
     pub p50: f64,
@@ -348,8 +340,7 @@ pub struct Percentiles {
 }
 
 /// The link's counters.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LinkReport {
     /// Frames that the system took.
     pub sent: u64,
@@ -370,18 +361,16 @@ pub struct LinkReport {
     /// Datagrams or connections of somebody else, turned away.
     pub refused: u64,
     /// HIL_ACTUATOR_CONTROLS that held no number where a channel is read.
-    #[serde(default)]
     pub controls_refused: u64,
     /// HIL_ACTUATOR_CONTROLS that came again, too late or out of the flight before.
-    #[serde(default)]
     pub controls_old: u64,
     /// Waits for a reply that ran into their limit.
     pub stalls: u64,
     /// More about them; absent when there were none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stalled: Option<Stalled>,
     /// What faults of the wire did; absent when there were none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub disrupted: Option<Disrupted>,
     /// Silences between two HIL_ACTUATOR_CONTROLS of more than a tenth of `fc_timeout_ms`.
     pub gaps: u64,
@@ -402,7 +391,7 @@ pub struct LinkReport {
 }
 
 /// Waits in lockstep that ran into their limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Stalled {
     /// Run time of the first (s).
     pub first_s: f64,
@@ -419,7 +408,7 @@ pub struct Stalled {
 }
 
 /// What faults of the wire did to frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Disrupted {
     /// From the bench to the flight controller.
     pub to_fc: DisruptedWay,
@@ -428,7 +417,7 @@ pub struct Disrupted {
 }
 
 /// What faults of the wire did to the frames of one direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DisruptedWay {
     /// Lost.
     pub dropped: u64,
@@ -440,25 +429,11 @@ pub struct DisruptedWay {
     pub corrupted: u64,
 }
 
-/// Something that happened.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Event {
-    /// Run time (s).
-    pub time_s: f64,
-    /// Name, from a closed list in the manual.
-    pub name: String,
-    /// Numbers and reasons.
-    pub detail: String,
-}
-
-/// Name of the event of a flight that was not over when a reset ended it.
-pub const CUT_SHORT: &str = "cut_short";
-
 impl Report {
     /// Whether somebody cut it short while nothing had gone wrong: then its verdict says nothing.
     pub fn is_excused(&self) -> bool {
-        let has = |is: fn(&str) -> bool| self.events.iter().any(|event| is(&event.name));
-        has(|name| name == CUT_SHORT) && !has(|name| name.starts_with("abort:"))
+        let has = |is: fn(&EventKind) -> bool| self.events.iter().any(|event| is(&event.kind));
+        has(|kind| *kind == EventKind::CutShort) && !has(EventKind::is_abort)
     }
 
     /// Judges the report by `[expect]`. `fc_must_fly`: an outside flight controller was attached and
@@ -541,7 +516,7 @@ impl Report {
         }
         if fc_must_fly {
             // Who is cut off after a loss has not flown to the end either, though nobody else took over.
-            let lost = self.events.iter().any(|event| event.name == "fc_lost");
+            let lost = self.events.iter().any(|event| event.kind == EventKind::FcLost);
             let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
             let mut who: Vec<_> = self.flown_by.iter().map(|f| serde_json::json!(f.source)).collect();
             who.extend(lost.then(|| "fc_lost".into()));
