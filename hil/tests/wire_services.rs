@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use hopbench::event::{AbortReason, EventKind};
 use hopbench::fault::{Component, Mode, catalogue};
+use hopbench::plant::column::{ARRAY, Column};
 use hopbench::simulation::{Flight, Instrumentation, MODIFIED_KEPT, Report};
 use hopbench_hil::bench::ground::{GROUND_ADDRESS, Ground};
 use hopbench_hil::bench::live::Live;
@@ -16,7 +17,6 @@ use hopbench_hil::bench::parameter::parameters;
 use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::mavlink::measurement::is_reset;
-use hopbench_hil::wire::mavlink::telemetry::PLANT_FLOATS;
 use hopbench_hil::wire::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
 use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
 use hopbench_hil::wire::stream::Refusal;
@@ -276,7 +276,7 @@ fn what_is_in_force_changes_nothing_and_a_flood_of_changes_is_counted() {
 fn the_page_of_the_bench_lists_the_plant_s_floats() {
     let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/bench.md");
     let page = std::fs::read_to_string(page).unwrap();
-    for (i, name) in PLANT_FLOATS.iter().enumerate() {
+    for (i, Column { name, .. }) in ARRAY.iter().enumerate() {
         assert!(page.contains(&format!("| {i} `{name}` |")), "{i} {name}");
     }
 }
@@ -311,7 +311,7 @@ fn the_plant_s_floats_come_when_asked_for() {
         let (first_us, data) = idle_until(fc, floats);
         let (second_us, _) = idle_until(fc, floats);
         assert_eq!(second_us - first_us, 100_000);
-        let of = |name: &str| data[PLANT_FLOATS.iter().position(|n| *n == name).unwrap()];
+        let of = |name: &str| data[ARRAY.iter().position(|column| column.name == name).unwrap()];
         // hover_5m stands on the pad, full, with 65 bar in its tank.
         assert!((60e5..70e5).contains(&of("tank_pa")), "{}", of("tank_pa"));
         assert!(of("mass_kg") > 50.0 && of("nitrous_kg") > 1.0 && of("thrust_n") == 0.0);

@@ -8,6 +8,7 @@
 //! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings discrete still for
 //! studies (`freeze.rs`).
 
+pub mod column;
 mod command;
 mod continuous;
 mod discrete;
