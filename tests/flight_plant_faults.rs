@@ -9,9 +9,9 @@
 mod files;
 
 use files::scenario;
+use hopbench::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use hopbench::fault::{Component, Fault, Mode};
 use hopbench::plant::Snapshot;
-use hopbench::propulsion::STANDARD_GRAVITY_M_S2;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
 use hopbench::simulation::{self, Flight};

@@ -14,10 +14,11 @@ use super::combustion::{CombustionMap, Mixture};
 use super::feed_grid::Feed;
 use super::grain::Grain;
 use super::manifold::FeedStores;
-use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
+use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, Throat};
 use super::outlet::Outlet;
 use super::valve::ValveArea;
 use super::{EngineParameters, FeedParameters, PaperMode};
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use crate::input::Invalid;
 use crate::interpolate::{Anchor, Bracket, Power, RootStatus, bracketed_root, table::TableError};
 

@@ -14,7 +14,7 @@
 
 use super::chamber::UNIVERSAL_GAS;
 use super::engine::{ChamberWarmStart, Engine, EngineCondition};
-use super::nozzle::STANDARD_GRAVITY_M_S2;
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 
 /// Below this it is over (Pa).
 const OVER_PA: f64 = 1.0;

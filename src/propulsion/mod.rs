@@ -45,7 +45,7 @@ pub use ignition::{BelowMinimum, Depletion, DepletionModel, Flame, FlameConditio
 pub use injector::{Injector, SinglePhase};
 pub use inverse::Inverse;
 pub use manifold::{FeedInput, FeedPoint, FeedState, FeedStep, Stages};
-pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
+pub use nozzle::{Nozzle, NozzleFlow};
 pub use outlet::{GasIngestion, Outlet};
 pub use paper::{Candidate, PaperEngine};
 pub use pressurant::{

@@ -394,8 +394,6 @@ pub enum Outcome {
     Aborted,
     /// An open-loop run reached its duration.
     Completed,
-    /// Hangs in its tether.
-    Hanging,
     /// Throttle without a flame.
     NoIgnition,
     /// Time ran out.

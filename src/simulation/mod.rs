@@ -19,8 +19,9 @@ use crate::autopilot::{Autopilot, Estimate, Parameters, lcvx, tracking};
 use crate::event::{Event, EventKind, Phase};
 use crate::fault::{self, Acting, Component, Fault, Faults, Mode, WireEffect};
 use crate::frame::Vec3;
+use crate::hash::Fnv;
 use crate::input::Invalid;
-use crate::plant::{Interference, Plant, Snapshot};
+use crate::plant::{Interference, Plant, Snapshot, State};
 use crate::scenario::{Outcome, Place, Scenario};
 use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
@@ -277,7 +278,7 @@ impl Flight {
             self.touchdown_event();
         }
         if self.steps.is_multiple_of(HASH_EVERY) {
-            self.hash.state(self.plant.state());
+            hash_state(&mut self.hash, self.plant.state());
         }
     }
 
@@ -576,7 +577,7 @@ impl Flight {
             touchdown
         });
         let mut hash = self.hash;
-        hash.state(self.plant.state());
+        hash_state(&mut hash, self.plant.state());
         let more = self.modified_count - self.modified.len();
         let more = (more > 0).then(|| format!("and {more} more"));
         let mut report = Report {
@@ -608,7 +609,7 @@ impl Flight {
             },
             link: None,
             events: self.events.clone(),
-            state_hash: format!("{:016x}", hash.0),
+            state_hash: hash.hex(),
             run: None,
             overrides: Vec::new(),
             modified: self.modified.iter().cloned().chain(more).collect(),
@@ -708,22 +709,9 @@ pub fn fly_out(flight: &mut Flight, mut each_step: impl FnMut(&Snapshot)) {
     }
 }
 
-/// 64-bit FNV-1a over the bits of every number of a state.
-#[derive(Clone, Copy, Debug)]
-struct Fnv(u64);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    fn state(&mut self, state: &crate::plant::State) {
-        for number in state.numbers() {
-            for byte in number.to_bits().to_le_bytes() {
-                self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-            }
-        }
+/// Takes in the bits of every number of a state.
+fn hash_state(hash: &mut Fnv, state: &State) {
+    for number in state.numbers() {
+        hash.add(&number.to_bits().to_le_bytes());
     }
 }
