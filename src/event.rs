@@ -22,7 +22,7 @@ pub struct Event {
 }
 
 /// How grave an event is, in the words of syslog.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
     /// Goes as planned.
     Info,

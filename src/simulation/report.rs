@@ -519,7 +519,7 @@ impl Report {
             let lost = self.events.iter().any(|event| event.kind == EventKind::FcLost);
             let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
             let mut who: Vec<_> = self.flown_by.iter().map(|f| serde_json::json!(f.source)).collect();
-            who.extend(lost.then(|| "fc_lost".into()));
+            who.extend(lost.then(|| EventKind::FcLost.name().into()));
             items.push(Item {
                 name: "flown_by".to_owned(),
                 value: who.into(),
