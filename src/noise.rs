@@ -13,6 +13,7 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use crate::frame::Vec3;
+use crate::hash::Fnv;
 
 /// One independent source of random numbers.
 #[derive(Clone, Debug)]
@@ -24,11 +25,11 @@ pub struct Stream {
 
 /// The stream of that name under that seed. Names are dotted paths, such as `imu.gyro`.
 pub fn stream(seed: u64, name: &str) -> Stream {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64; // FNV-1a, 64 bit: offset basis
-    for byte in seed.to_le_bytes().into_iter().chain(name.bytes()) {
-        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3); // and its prime
-    }
-    let mut word = || u128::from(split_mix(&mut hash));
+    let mut hash = Fnv::default();
+    hash.add(&seed.to_le_bytes());
+    hash.add(name.as_bytes());
+    let mut mixed = hash.word();
+    let mut word = || u128::from(split_mix(&mut mixed));
     let state = word() << 64 | word();
     let sequence = word() << 64 | word();
     Stream { generator: Pcg64::new(state, sequence), spare: None }

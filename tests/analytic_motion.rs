@@ -41,9 +41,11 @@ fn mass_table_of_the_reference_vehicle() {
         nitrogen_bottle_kg: 2.972 - 1.181,
         ..FULL
     };
-    assert!((reference.model.fuel_kg(&end) - 0.868).abs() < 1e-12);
+    let burnt_out = Contents { port_radius_m: 0.068, ..end };
+    let burnt_out = reference.model.evaluate(&burnt_out, &ContentsRate::default()).vehicle;
     let end = reference.model.evaluate(&end, &ContentsRate::default()).vehicle;
     let i = end.inertia_about_com_kg_m2();
+    assert!((end.mass_kg - burnt_out.mass_kg - 0.868).abs() < 1e-12);
     assert!((end.mass_kg - 60.73).abs() < 6e-3 && (end.centre_of_mass_body_m().z + 0.3878).abs() < 1e-4);
     assert!((i[(0, 0)] - 20.73).abs() < 6e-3 && (i[(2, 2)] - 2.367).abs() < 6e-4, "{i}");
     let dry = reference.model.dry();

@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use hopbench::event::{self, AbortReason, EventKind, Phase};
 use hopbench::fault::catalogue;
 
 fn root() -> PathBuf {
@@ -138,4 +139,58 @@ fn the_table_of_faults_is_the_catalogue() {
     }
     let missing: Vec<_> = missing.iter().map(|(component, mode, _)| (component, mode)).collect();
     assert!(missing.is_empty(), "not in the table: {missing:?}");
+}
+
+/// The words in backticks of the one paragraph that begins so.
+fn listed<'a>(page: &'a str, begin: &str) -> Vec<&'a str> {
+    let paragraph = page.split("\n\n").find(|paragraph| paragraph.starts_with(begin)).expect("the paragraph");
+    quoted(paragraph.split('.').next().unwrap_or_default())
+}
+
+#[test]
+fn the_table_of_events_is_the_enum() {
+    let page = text(&root().join("docs/events.md"));
+    let table: Vec<&str> = page.lines().filter(|line| line.starts_with("| `")).collect();
+    let rows = event::catalogue()
+        .map(|row| format!("| `{}` | {} | {} |", row.name, row.severity.name(), row.meaning))
+        .collect::<Vec<_>>();
+    assert_eq!(table, rows);
+    assert_eq!(listed(&page, "Phases"), Phase::ALL.map(Phase::name));
+    assert_eq!(listed(&page, "Reasons"), AbortReason::ALL.map(AbortReason::name));
+}
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("the folder exists") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|end| end == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn every_event_is_emitted() {
+    let mut files = Vec::new();
+    sources(&root().join("src"), &mut files);
+    sources(&root().join("hil/src"), &mut files);
+    let code: String = files
+        .iter()
+        .flat_map(|path| text(path).split_whitespace().collect::<String>().into_bytes())
+        .map(char::from)
+        .collect();
+    for row in event::catalogue() {
+        let name = row.name.replace("REASON", "tilt").replace(":NAME", ":hover");
+        let kind: EventKind = name.parse().unwrap_or_else(|unknown| panic!("{unknown}"));
+        assert_eq!((kind.name().as_ref(), kind.severity()), (name.as_str(), row.severity));
+        let debug = format!("{kind:?}");
+        let variant = debug.split('(').next().unwrap_or_default();
+        let emitted = ["event(", "note(", "kind:", "kind="].iter().any(|by| {
+            let call = format!("{by}EventKind::{variant}");
+            code.match_indices(&call)
+                .any(|(at, call)| !code[at + call.len()..].starts_with(|next: char| next.is_alphanumeric()))
+        });
+        assert!(emitted, "{name} is never emitted");
+    }
 }

@@ -5,6 +5,7 @@ mod files;
 
 use files::scenario;
 use hopbench::plant::Snapshot;
+use hopbench::plant::column::COLUMNS;
 use hopbench::scenario::Outcome;
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
 use hopbench::simulation::{self, Flight, Report, Source};
@@ -14,7 +15,7 @@ fn fly(name: &str, seed: u32, overrides: &[(&str, &str)]) -> Report {
 }
 
 fn event(report: &Report, name: &str) -> Option<f64> {
-    report.events.iter().find(|e| e.name == name).map(|e| e.time_s)
+    report.events.iter().find(|e| e.kind.name() == name).map(|e| e.time_s)
 }
 
 #[test]
@@ -120,8 +121,8 @@ fn arming_alone_opens_the_feed_but_lights_nothing() {
     hold(&mut flight, &armed(Throttle::ThrustN(0.0)), 3.0, |now| {
         assert_eq!((now.thrust_n, now.oxidizer_kg_s), (0.0, 0.0));
     });
-    assert!(flight.events().iter().any(|e| e.name == "armed"));
-    assert!(!flight.events().iter().any(|e| e.name == "ignition"));
+    assert!(flight.events().iter().any(|e| e.kind.name() == "armed"));
+    assert!(!flight.events().iter().any(|e| e.kind.name() == "ignition"));
 }
 
 #[test]
@@ -133,7 +134,7 @@ fn a_throttle_below_the_minimum_holds_the_minimum_and_below_two_per_cent_shuts()
     assert!((flight.snapshot().thrust_n - 300.0).abs() < 1.5, "{}", flight.snapshot().thrust_n);
     hold(&mut flight, &armed(Throttle::ThrustN(19.0)), 1.0, |_| {});
     assert_eq!(flight.snapshot().thrust_n, 0.0);
-    assert!(flight.events().iter().any(|e| e.name == "shutdown"));
+    assert!(flight.events().iter().any(|e| e.kind.name() == "shutdown"));
 }
 
 #[test]
@@ -202,14 +203,14 @@ fn running_out_of_anything_is_an_event_and_a_tail() {
         hold(&mut flight, &armed(Throttle::ThrustN(0.0)), 1.5, |_| {});
         let mut least_fuel = f64::INFINITY;
         hold(&mut flight, &armed(Throttle::ThrustN(600.0)), 20.0, |now| {
-            let all = now.csv_row();
-            assert!(all.iter().all(|x| x.is_finite()), "{what} at {}: {all:?}", now.time.s());
+            let all = COLUMNS.iter().all(|column| column.of(now).is_finite());
+            assert!(all, "{what} at {}: {now:?}", now.time.s());
             assert!(now.nitrous_kg >= 0.0 && now.fuel_kg >= 0.0 && now.thrust_n >= 0.0);
             assert!(now.fuel_kg <= least_fuel + 1e-12, "fuel grew");
             least_fuel = now.fuel_kg;
         });
-        let names: Vec<&str> = flight.events().iter().map(|e| e.name.as_str()).collect();
-        assert!(names.contains(&what), "{what}: {names:?}");
+        let names: Vec<_> = flight.events().iter().map(|e| e.kind.name()).collect();
+        assert!(names.iter().any(|name| name == what), "{what}: {names:?}");
         let report = flight.report();
         let closure = report.mass.closure_error_kg.abs() / report.mass.initial_kg;
         assert!(closure < 1e-9, "{what}: {closure}");
@@ -241,7 +242,7 @@ fn a_burnt_grain_neither_relights_nor_breaks_the_books() {
         hold(&mut flight, &armed(Throttle::ThrustN(900.0)), 1.0, |_| {});
         hold(&mut flight, &armed(Throttle::ThrustN(0.0)), 0.5, |_| {});
     }
-    let count = |name: &str| flight.events().iter().filter(|e| e.name == name).count();
+    let count = |name: &str| flight.events().iter().filter(|e| e.kind.name() == name).count();
     assert_eq!((count("ignition"), count("fuel_burn_through"), count("shutdown")), (1, 1, 1));
     let report = flight.report();
     assert!(report.mass.closure_error_kg.abs() / report.mass.initial_kg < 1e-9, "{:?}", report.mass);

@@ -16,7 +16,7 @@ fn the_autopilot_lands_with_a_crooked_noisy_engine_in_turbulence() {
         let report = simulation::fly(&scenario("disturbed_hop", &[]), seed, |_| {}).unwrap().report();
         assert!(report.expect.passed, "seed {seed}: {:?}", report.expect.items);
         assert_eq!(report.outcome, Outcome::Landed);
-        let seen: Vec<_> = report.events.iter().filter(|e| e.name == "disturbance").collect();
+        let seen: Vec<_> = report.events.iter().filter(|e| e.kind.name() == "disturbance").collect();
         let details: Vec<_> = seen.iter().map(|e| e.detail.as_str()).collect();
         assert_eq!(details, ["engine begins", "push begins", "push ends"]);
         assert!((seen[2].time_s - seen[1].time_s - 0.5).abs() < 1e-9);
@@ -45,7 +45,7 @@ fn the_autopilot_does_not_take_braking_for_contact() {
         let flight = simulation::fly(&scenario("disturbed_hop", &better), seed, |_| {}).unwrap();
         let report = flight.report();
         let touchdown = report.touchdown.unwrap();
-        let cut = report.events.iter().find(|event| event.name == "phase:touchdown").unwrap();
+        let cut = report.events.iter().find(|event| event.kind.name() == "phase:touchdown").unwrap();
         assert!(cut.time_s > touchdown.time_s - 0.1, "seed {seed}: {} {}", cut.time_s, touchdown.time_s);
         assert!(touchdown.vertical_speed_m_s <= 1.0, "seed {seed}: {touchdown:?}");
         assert_eq!(report.outcome, Outcome::Landed, "seed {seed}");

@@ -10,6 +10,7 @@ mod files;
 
 use faulty::{Flown, fly, parameters, sound_actuators, sound_sensors, twisted};
 use files::scenario;
+use hopbench::event::EventKind;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement, Throttle};
 
@@ -221,7 +222,7 @@ fn an_engine_that_runs_away_is_cut() {
     };
     let flown = flown(&hop(), 18, sound_sensors, open);
     record("throttle full open", &flown);
-    assert_eq!(flown.aborts().last(), Some(&"runaway"));
+    assert_eq!(flown.aborts().last().map(String::as_str), Some("runaway"));
     assert_eq!(flown.report.outcome, Outcome::Crashed);
 }
 
@@ -249,7 +250,11 @@ fn an_abort_is_decided_once_and_the_mission_is_not_taken_up_again() {
     let flown = flown(&hop(), 20, blind, sound_actuators);
     landed_softly("satellites come back after the abort", &flown);
     assert_eq!(flown.aborts(), ["navigation"]);
-    let phases: Vec<_> = flown.report.events.iter().filter_map(|e| e.name.strip_prefix("phase:")).collect();
+    let phases = flown.report.events.iter().filter_map(|e| match e.kind {
+        EventKind::Phase(phase) => Some(phase.name()),
+        _ => None,
+    });
+    let phases: Vec<_> = phases.collect();
     let after = phases.iter().position(|phase| *phase == "abort_land").unwrap();
     assert_eq!(phases[after..], ["abort_land", "terminal", "touchdown", "shutdown", "done"]);
 }

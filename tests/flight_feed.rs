@@ -7,6 +7,7 @@ mod bare_engine;
 mod files;
 
 use files::scenario;
+use hopbench::plant::column::COLUMNS;
 use hopbench::plant::{Plant, Snapshot};
 use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::scenario::Outcome;
@@ -178,7 +179,7 @@ fn random_throttles_to_the_last_drop_keep_mass_and_numbers() {
             }
             plant.step(&command(thrust_n));
             let now = plant.snapshot();
-            assert!(now.csv_row().iter().all(|x| x.is_finite()), "{name}, {step}");
+            assert!(COLUMNS.iter().all(|column| column.of(now).is_finite()), "{name}, {step}");
             assert!(now.nitrous_kg >= 0.0 && now.manifold_kg >= 0.0 && now.thrust_n >= 0.0, "{name}, {step}");
         }
         assert!(plant.snapshot().nitrous_kg < 0.15, "{name}: {}", plant.snapshot().nitrous_kg);

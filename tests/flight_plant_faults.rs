@@ -9,9 +9,9 @@
 mod files;
 
 use files::scenario;
+use hopbench::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use hopbench::fault::{Component, Fault, Mode};
 use hopbench::plant::Snapshot;
-use hopbench::propulsion::STANDARD_GRAVITY_M_S2;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};
 use hopbench::simulation::{self, Flight};
@@ -69,7 +69,12 @@ fn after(flight: &mut Flight, command: &ActuatorCommand, seconds: f64) -> Snapsh
 }
 
 fn event_s(flight: &Flight, name: &str) -> f64 {
-    flight.events().iter().find(|event| event.name == name).unwrap_or_else(|| panic!("no {name}")).time_s
+    flight
+        .events()
+        .iter()
+        .find(|event| event.kind.name() == name)
+        .unwrap_or_else(|| panic!("no {name}"))
+        .time_s
 }
 
 /// Thrust of a flow that does not burn.

@@ -4,6 +4,7 @@
 mod files;
 
 use files::{scenario, try_scenario};
+use hopbench::event::{EventKind, Phase};
 use hopbench::fault::{Component, Fault, Mode, catalogue, row};
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement};
@@ -326,11 +327,11 @@ fn hover(faults: Vec<Fault>) -> Scenario {
 }
 
 fn time_of(report: &Report, event: &str) -> Option<f64> {
-    report.events.iter().find(|e| e.name == event).map(|e| e.time_s)
+    report.events.iter().find(|e| e.kind.name() == event).map(|e| e.time_s)
 }
 
-fn aborts(report: &Report) -> Vec<&str> {
-    report.events.iter().filter_map(|e| e.name.strip_prefix("abort:")).collect()
+fn aborts(report: &Report) -> Vec<String> {
+    report.events.iter().filter(|e| e.kind.is_abort()).map(|e| e.kind.name().replace("abort:", "")).collect()
 }
 
 fn landed_softly(report: &Report) {
@@ -397,7 +398,7 @@ fn barometer_plume() {
 fn a_gap_in_the_fixes_begins_with_the_hover_and_ends() {
     let gap = Fault {
         name: "gap".to_owned(),
-        at_event: Some("phase:hover".to_owned()),
+        at_event: Some(EventKind::Phase(Phase::Hover)),
         after_s: 0.5,
         duration_s: Some(2.0),
         ..Fault::new(Component::Gnss, Mode::Off)
@@ -440,7 +441,7 @@ fn fixes_that_jump_are_refused() {
     let jump = Fault {
         value: Some(100.0),
         axis: Some(hopbench::fault::Axis::X),
-        at_event: Some("phase:hover".to_owned()),
+        at_event: Some(EventKind::Phase(Phase::Hover)),
         duration_s: Some(2.0),
         ..Fault::new(Component::Gnss, Mode::Jump)
     };
@@ -472,8 +473,8 @@ fn triggers_come_when_they_say() {
         mild("time_late", Fault { at_s: Some(3.0), after_s: 1.5, ..new() }),
         mild("up", Fault { above_m: Some(2.0), ..new() }),
         mild("down", Fault { below_m: Some(2.0), ..new() }),
-        mild("lift", Fault { at_event: Some("liftoff".to_owned()), ..new() }),
-        mild("chain", Fault { at_event: Some("fault:up".to_owned()), after_s: 1.0, ..new() }),
+        mild("lift", Fault { at_event: Some(EventKind::Liftoff), ..new() }),
+        mild("chain", Fault { at_event: Some(EventKind::Fault("up".to_owned())), after_s: 1.0, ..new() }),
         mild("never", Fault { above_m: Some(50.0), ..new() }),
     ];
     let mut heights = Vec::new();
@@ -530,7 +531,7 @@ fn what_is_injected_acts_at_once_replaces_its_like_and_marks_the_run() {
             "3.000 s: mended barometer bias 50 (Pa)"
         ]
     );
-    let names: Vec<_> = report.events.iter().filter(|e| e.time_s <= 3.0).map(|e| e.name.as_str()).collect();
+    let names: Vec<_> = report.events.iter().filter(|e| e.time_s <= 3.0).map(|e| e.kind.name()).collect();
     let expected = [
         "modified",
         "fault:barometer_bias",
@@ -539,7 +540,7 @@ fn what_is_injected_acts_at_once_replaces_its_like_and_marks_the_run() {
         "modified",
         "fault_over:barometer_bias",
     ];
-    let injected: Vec<_> = names.into_iter().filter(|n| n.starts_with("fault") || *n == "modified").collect();
+    let injected: Vec<_> = names.into_iter().filter(|n| n.starts_with("fault") || n == "modified").collect();
     assert_eq!(injected, expected);
 }
 

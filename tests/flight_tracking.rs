@@ -149,12 +149,12 @@ fn an_unknown_thrust_bias_a_crooked_centre_of_mass_and_wind_leave_no_offset_in_t
         flight.set_source(Source::Autopilot);
         let mut command = ActuatorCommand::SAFE;
         let (mut hovered_s, mut sum, mut samples) = (0.0, Vec3::zeros(), 0.0);
-        while flight.outcome().is_none() && flight.phase() != Some("descent") {
+        while flight.outcome().is_none() && flight.phase() != Some(Phase::Descent) {
             flight.step(&command);
             let Some(next) = flight.autopilot_command() else { continue };
             command = next;
             flight.plan_in_place();
-            if flight.phase() == Some("hover") {
+            if flight.phase() == Some(Phase::Hover) {
                 hovered_s += 0.004;
                 if hovered_s > 6.0 {
                     let reference = flight.autopilot().reference();

@@ -323,7 +323,7 @@ fn a_tank_above_its_regulator_and_a_low_bottle_are_events() {
             flight.step(&ActuatorCommand::SAFE);
         }
         let all: Vec<_> =
-            flight.events().iter().map(|e| format!("{}: {}", e.name.as_str(), e.detail)).collect();
+            flight.events().iter().map(|e| format!("{}: {}", e.kind.name(), e.detail)).collect();
         println!("{overrides:?}: {all:?}");
         move |name: &str| all.iter().filter(|e| e.starts_with(name)).cloned().collect::<Vec<_>>()
     };

@@ -21,6 +21,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use hopbench::input::Document;
+use hopbench::plant::column::COLUMNS;
 use hopbench::scenario::{Scenario, ScenarioFile, Schedule};
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::Flight;
@@ -544,11 +545,8 @@ fn fault(
     now: &hopbench::plant::Snapshot,
     start_kg: f64,
 ) -> Option<(&'static str, String)> {
-    let names = || hopbench::plant::Snapshot::CSV_HEADER.split(',');
-    for (name, x) in names().zip(now.csv_row()) {
-        if !x.is_finite() {
-            return Some(("not finite", name.to_owned()));
-        }
+    if let Some(column) = COLUMNS.iter().find(|column| !column.of(now).is_finite()) {
+        return Some(("not finite", column.name.to_owned()));
     }
     if now.singular {
         return Some(("no balance of momentum", String::new()));

@@ -151,9 +151,11 @@ fn grain_liquid_and_ullage() {
             nitrogen_bottle_kg: 0.0,
         };
         let own = model.evaluate(&contents, &ContentsRate::default()).vehicle;
+        let burnt_out = Contents { port_radius_m: grain.outer_radius_m, ..contents };
+        let burnt_out = model.evaluate(&burnt_out, &ContentsRate::default()).vehicle;
         let inertia = own.inertia_about_com_kg_m2();
         let errors = [
-            model.fuel_kg(&contents) - row[2],
+            own.mass_kg - burnt_out.mass_kg - row[2],
             own.mass_kg / row[5] - 1.0,
             -own.centre_of_mass_body_m().z - row[6],
             inertia[(0, 0)] / row[7] - 1.0,

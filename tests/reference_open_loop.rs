@@ -6,6 +6,7 @@
 
 mod files;
 
+use hopbench::plant::column;
 use hopbench::plant::{Plant, Snapshot, State};
 use hopbench::scenario::{Scenario, Schedule};
 use hopbench::simulation::fly;
@@ -67,15 +68,14 @@ fn compare(file: &str, run: &str, chamber: &str, gimbal_inertia: bool) {
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();
-    let own: Vec<&str> = Snapshot::CSV_HEADER.split(',').collect();
     let snapshots = flown(&scenario(run, chamber, gimbal_inertia));
     assert_eq!(snapshots.len(), rows.len());
     let mut missed = Vec::new();
     for (column, name) in names.iter().enumerate() {
-        let own_column = own.iter().position(|x| x == name).unwrap();
+        let own = column::csv().find(|column| column.name == *name).unwrap();
         let (mut worst, mut at, mut size) = (0.0f64, 0.0, 0.0f64);
         for (row, snapshot) in rows.iter().zip(&snapshots) {
-            let difference = (snapshot.csv_row()[own_column] - row[column]).abs();
+            let difference = (own.of(snapshot) - row[column]).abs();
             if difference > worst {
                 (worst, at) = (difference, row[0]);
             }

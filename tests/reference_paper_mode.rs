@@ -6,6 +6,7 @@
 mod files;
 
 use hopbench::plant::Snapshot;
+use hopbench::plant::column;
 use hopbench::scenario::Schedule;
 use hopbench::simulation::fly;
 
@@ -52,13 +53,12 @@ fn the_scheme_of_the_paper_is_flown_alike_by_two_codes() {
     })
     .unwrap();
     assert_eq!((snapshots.len(), rows.len()), (51, 51));
-    let own: Vec<&str> = Snapshot::CSV_HEADER.split(',').collect();
     let mut missed = Vec::new();
     for (column, name) in names.iter().enumerate() {
-        let own_column = own.iter().position(|x| x == name).unwrap();
+        let own = column::csv().find(|column| column.name == *name).unwrap();
         let (mut worst, mut at) = (0.0f64, 0.0);
         for (row, snapshot) in rows.iter().zip(&snapshots) {
-            let difference = (snapshot.csv_row()[own_column] - row[column]).abs();
+            let difference = (own.of(snapshot) - row[column]).abs();
             if difference > worst || difference.is_nan() {
                 (worst, at) = (difference, row[0]);
             }

@@ -211,7 +211,7 @@ fn static_fire(percent: u32) -> Shape {
             .unwrap()
             .report();
     assert!(report.expect.passed, "{:?}", report.expect.items);
-    let depleted_s = report.events.iter().find(|e| e.name == "nitrous_depleted").unwrap().time_s;
+    let depleted_s = report.events.iter().find(|e| e.kind.name() == "nitrous_depleted").unwrap().time_s;
     let mean = |from: f64, to: f64| {
         let part: Vec<f64> = rows.iter().filter(|r| (from..to).contains(&r.0)).map(|r| r.1).collect();
         part.iter().sum::<f64>() / part.len() as f64

@@ -4,6 +4,7 @@ mod peer;
 
 use std::time::{Duration, Instant};
 
+use hopbench::event::Phase;
 use hopbench::scenario::Outcome;
 use hopbench::simulation::Source;
 use hopbench_hil::bench::Options;
@@ -36,7 +37,7 @@ fn each_sample_waits_for_the_answer_to_the_one_before() {
     let link = report.link.unwrap();
     assert_eq!((link.crc_errors, link.lost), (0, 0));
     assert!(report.timing.round_trip_us.is_some());
-    assert!(report.events.iter().any(|e| e.name == "fc_first"));
+    assert!(report.events.iter().any(|e| e.kind.name() == "fc_first"));
 }
 
 #[test]
@@ -80,7 +81,7 @@ fn a_wait_without_arming_ends_by_the_scenario() {
     });
     assert_eq!(report.outcome, Outcome::Timeout);
     assert_eq!(report.propellant.nitrous_used_kg, 0.0);
-    assert!(!report.events.iter().any(|e| e.name == "armed"));
+    assert!(!report.events.iter().any(|e| e.kind.name() == "armed"));
 }
 
 #[test]
@@ -96,7 +97,7 @@ fn controls_that_are_no_numbers_are_no_answer() {
         Then::Stop
     });
     assert!(report.link.unwrap().stalls >= 1);
-    assert!(!report.events.iter().any(|e| e.name == "armed"));
+    assert!(!report.events.iter().any(|e| e.kind.name() == "armed"));
 }
 
 #[test]
@@ -133,8 +134,8 @@ fn the_built_in_autopilot_hops_over_the_wire() {
 
 #[test]
 fn a_controller_that_falls_silent_in_flight_is_replaced_and_the_verdict_says_so() {
-    let report = flown(&[], lockstep(&GENERIC), |belief| belief.phase == "hover");
-    let named = |name: &str| report.events.iter().find(|e| e.name == name);
+    let report = flown(&[], lockstep(&GENERIC), |belief| belief.phase == Phase::Hover);
+    let named = |name: &str| report.events.iter().find(|e| e.kind.name() == name);
     assert!(named("fc_lost").is_some() && named("handover").is_some(), "{:#?}", report.events);
     assert_eq!(report.outcome, Outcome::Landed);
     let sources: Vec<Source> = report.flown_by.iter().map(|span| span.source).collect();
@@ -144,9 +145,9 @@ fn a_controller_that_falls_silent_in_flight_is_replaced_and_the_verdict_says_so(
 
 #[test]
 fn a_loss_may_be_an_engine_cut() {
-    let report = flown(&["on_fc_loss=\"cut\""], lockstep(&GENERIC), |belief| belief.phase == "hover");
-    assert!(report.events.iter().any(|e| e.name == "fc_lost"));
-    assert!(!report.events.iter().any(|e| e.name == "handover"));
+    let report = flown(&["on_fc_loss=\"cut\""], lockstep(&GENERIC), |belief| belief.phase == Phase::Hover);
+    assert!(report.events.iter().any(|e| e.kind.name() == "fc_lost"));
+    assert!(!report.events.iter().any(|e| e.kind.name() == "handover"));
     assert_ne!(report.outcome, Outcome::Landed);
     // Nobody else flew, and yet the controller did not fly to the end.
     let flown_by = report.expect.items.iter().find(|item| item.name == "flown_by").unwrap();
@@ -169,7 +170,7 @@ fn a_controller_that_repeats_an_old_answer_is_lost() {
         }
         Then::Stop
     });
-    assert!(report.events.iter().any(|e| e.name == "fc_lost"), "{:#?}", report.events);
+    assert!(report.events.iter().any(|e| e.kind.name() == "fc_lost"), "{:#?}", report.events);
 }
 
 #[test]
@@ -185,7 +186,7 @@ fn one_long_wait_outlasts_neither_the_timeout_nor_the_user() {
         assert!(start.elapsed() < Duration::from_secs(2));
         Then::Stop
     });
-    assert!(report.events.iter().any(|e| e.name == "fc_lost"), "{:#?}", report.events);
+    assert!(report.events.iter().any(|e| e.kind.name() == "fc_lost"), "{:#?}", report.events);
     let start = Instant::now();
     run(&scenario(&[]), options, |fc| {
         fc.idle_until(400_000);
@@ -226,5 +227,9 @@ fn controls_before_the_hil_flag_are_not_obeyed() {
         assert!(fc.sensor() > 0);
         Then::Stop
     });
-    assert!(!report.events.iter().any(|e| e.name == "fc_first" || e.name == "armed"), "{:#?}", report.events);
+    assert!(
+        !report.events.iter().any(|e| e.kind.name() == "fc_first" || e.kind.name() == "armed"),
+        "{:#?}",
+        report.events
+    );
 }

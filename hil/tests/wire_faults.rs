@@ -8,6 +8,7 @@ use std::cell::RefCell;
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
+use hopbench::event::Phase;
 use hopbench::scenario::Outcome;
 use hopbench::simulation::report::{Disrupted, DisruptedWay, Stalled};
 use hopbench::simulation::{Instrumentation, Report, Source};
@@ -105,7 +106,7 @@ fn wire_to_fc_drop() {
     assert_eq!(stalled(&report).lost_by_fault, seen.missing());
     assert!(disrupted(&report).to_fc.dropped >= seen.missing());
     assert_eq!(disrupted(&report).from_fc, DisruptedWay::default());
-    assert!(report.events.iter().any(|event| event.name == "stall"), "{:?}", report.events);
+    assert!(report.events.iter().any(|event| event.kind.name() == "stall"), "{:?}", report.events);
 }
 
 #[test]
@@ -141,7 +142,8 @@ fn armed_s(overrides: &[&str], armed_us: u64) -> (f64, Report) {
             }
         }
     });
-    let armed: Vec<f64> = report.events.iter().filter(|e| e.name == "armed").map(|e| e.time_s).collect();
+    let armed: Vec<f64> =
+        report.events.iter().filter(|e| e.kind.name() == "armed").map(|e| e.time_s).collect();
     let [time_s] = armed[..] else { panic!("{:#?}", report.events) };
     (time_s, report)
 }
@@ -213,7 +215,8 @@ fn wire_from_fc_jitter() {
             }
         }
     });
-    let armed: Vec<f64> = report.events.iter().filter(|e| e.name == "armed").map(|e| e.time_s).collect();
+    let armed: Vec<f64> =
+        report.events.iter().filter(|e| e.kind.name() == "armed").map(|e| e.time_s).collect();
     assert_eq!(armed.len(), 10, "{armed:?}");
     // The first of the frames that say so is at most as late as each may be.
     let late = |i: usize| armed[i] - 1e-6 * (PERIOD_US * (2 * i as u64 + 1)) as f64;
@@ -303,7 +306,7 @@ fn wire_from_fc_corrupt() {
 }
 
 fn assert_handed_over_and_landed(report: &Report) {
-    let named = |name: &str| report.events.iter().any(|event| event.name == name);
+    let named = |name: &str| report.events.iter().any(|event| event.kind.name() == name);
     assert!(named("fc_lost") && named("handover"), "{:#?}", report.events);
     assert_eq!(report.outcome, Outcome::Landed, "{:#?}", report.events);
     let sources: Vec<Source> = report.flown_by.iter().map(|span| span.source).collect();
@@ -330,7 +333,7 @@ fn wire_from_fc_disconnect() {
 }
 
 /// A flight of the built-in autopilot whose controller breaks, and the phases that it believed in, in order.
-fn flown_by_one_that_restarts(overrides: &[&str]) -> (Report, Vec<&'static str>) {
+fn flown_by_one_that_restarts(overrides: &[&str]) -> (Report, Vec<Phase>) {
     let (scenario, phases) = (scenario(overrides), RefCell::new(Vec::new()));
     let report = run(&scenario, lockstep(&GENERIC), |fc: &mut Fc| {
         let mut pilot = pilot(&scenario, &Instrumentation::default(), GENERIC.throttle).unwrap();

@@ -6,6 +6,7 @@ mod peer;
 use std::time::Duration;
 
 use ::mavlink::dialects::common::{COMMAND_LONG_DATA, MavCmd, MavResult};
+use hopbench::event::Phase;
 use hopbench::scenario::Outcome;
 use hopbench::simulation::report::Handover;
 use hopbench::simulation::{Instrumentation, Source};
@@ -19,11 +20,11 @@ use peer::{Fc, Then, flown, lockstep, run, scenario};
 const REST_NED_M: f64 = -0.74;
 
 /// The change of hands of a flight whose controller falls silent in `phase`, above `height_m`.
-fn handover_in(phase: &'static str, height_m: f64) -> Handover {
+fn handover_in(phase: Phase, height_m: f64) -> Handover {
     let report =
         flown(&[], lockstep(&GENERIC), |b| b.phase == phase && b.estimate_ned_m.z < REST_NED_M - height_m);
-    assert_eq!(report.outcome, Outcome::Landed, "{phase}: {:#?}", report.events);
-    let [handover] = report.handovers[..] else { panic!("{phase}: {:?}", report.handovers) };
+    assert_eq!(report.outcome, Outcome::Landed, "{phase:?}: {:#?}", report.events);
+    let [handover] = report.handovers[..] else { panic!("{phase:?}: {:?}", report.handovers) };
     assert_eq!(handover.to, Some(Source::Autopilot));
     handover
 }
@@ -33,14 +34,16 @@ fn handover_in(phase: &'static str, height_m: f64) -> Handover {
 /// goes on as it was: a hop leans by a degree or two of its own.
 #[test]
 fn the_autopilot_takes_over_without_a_bump() {
-    for (phase, height_m) in [("ascent", 2.5), ("hover", 0.0), ("descent", 2.5), ("terminal", 0.5)] {
+    for (phase, height_m) in
+        [(Phase::Ascent, 2.5), (Phase::Hover, 0.0), (Phase::Descent, 2.5), (Phase::Terminal, 0.5)]
+    {
         let h = handover_in(phase, height_m);
         // Four waits of 50 ms, a sample each, and the one that the successor sees.
-        assert!(h.silence_ms <= 20.5, "{phase}: {h:?}");
-        assert!(h.silence_wall_ms >= 190.0, "{phase}: {h:?}");
-        assert!(h.thrust_step_n.abs() <= 35.0 && h.gimbal_step_deg <= 0.5, "{phase}: {h:?}");
-        assert!(h.after.tilt_deg <= h.before.tilt_deg + 1.0, "{phase}: {h:?}");
-        assert!(h.after.rate_deg_s <= 10.0, "{phase}: {h:?}");
+        assert!(h.silence_ms <= 20.5, "{phase:?}: {h:?}");
+        assert!(h.silence_wall_ms >= 190.0, "{phase:?}: {h:?}");
+        assert!(h.thrust_step_n.abs() <= 35.0 && h.gimbal_step_deg <= 0.5, "{phase:?}: {h:?}");
+        assert!(h.after.tilt_deg <= h.before.tilt_deg + 1.0, "{phase:?}: {h:?}");
+        assert!(h.after.rate_deg_s <= 10.0, "{phase:?}: {h:?}");
     }
 }
 
@@ -69,7 +72,7 @@ fn a_controller_comes_back_on_request_and_only_when_it_is_fit_to_fly() {
     let report = run(&scenario, options, |fc| {
         let mut pilot = pilot(&scenario, &Instrumentation::default(), throttle).unwrap();
         let hovers = std::cell::Cell::new(false);
-        pilot.serve(&mut fc.link, || hovers.get(), |belief| hovers.set(belief.phase == "hover"));
+        pilot.serve(&mut fc.link, || hovers.get(), |belief| hovers.set(belief.phase == Phase::Hover));
         assert_eq!(ask_back(fc), MavResult::MAV_RESULT_DENIED, "it flies anyway");
         // Silence until the hand-over, and some time after it.
         for _ in 0..100 {
@@ -96,9 +99,9 @@ fn a_controller_comes_back_on_request_and_only_when_it_is_fit_to_fly() {
     assert_eq!(sources, [Source::Fc, Source::Autopilot, Source::Fc], "{:#?}", report.events);
     let to: Vec<_> = report.handovers.iter().map(|h| h.to).collect();
     assert_eq!(to, [Some(Source::Autopilot), Some(Source::Fc)]);
-    assert!(report.events.iter().any(|e| e.name == "handback"));
+    assert!(report.events.iter().any(|e| e.kind.name() == "handback"));
     // Disarmed frames before it did not cut, nor did armed ones fly.
-    assert!(!report.events.iter().any(|e| e.name == "shutdown"), "{:#?}", report.events);
+    assert!(!report.events.iter().any(|e| e.kind.name() == "shutdown"), "{:#?}", report.events);
 }
 
 #[test]
@@ -108,14 +111,14 @@ fn nonsense_is_silence() {
         let report = run(&scenario, lockstep(&GENERIC), |fc| {
             let mut pilot = pilot(&scenario, &Instrumentation::default(), GENERIC.throttle).unwrap();
             let hovers = std::cell::Cell::new(false);
-            pilot.serve(&mut fc.link, || hovers.get(), |belief| hovers.set(belief.phase == "hover"));
+            pilot.serve(&mut fc.link, || hovers.get(), |belief| hovers.set(belief.phase == Phase::Hover));
             while let Some(time_us) = fc.sensor_within(Duration::from_millis(500)) {
                 fc.controls(time_us, true, [bad, 0.0, 0.0, 0.0]);
             }
             Then::RunOn
         });
         assert_eq!(report.outcome, Outcome::Landed, "{bad}: {:#?}", report.events);
-        let lost = report.events.iter().find(|e| e.name == "fc_lost").expect("an event");
+        let lost = report.events.iter().find(|e| e.kind.name() == "fc_lost").expect("an event");
         assert!(lost.detail.contains("frames refused"), "{lost:?}");
         assert_eq!(report.handovers.len(), 1);
     }

@@ -74,7 +74,7 @@ fn run(link: &str, profile: &'static Profile, board: impl FnOnce()) -> Report {
 }
 
 fn has_event(report: &Report, name: &str) -> bool {
-    report.events.iter().any(|event| event.name == name)
+    report.events.iter().any(|event| event.kind.name() == name)
 }
 
 #[test]

@@ -7,7 +7,9 @@ mod peer;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use hopbench::event::{AbortReason, EventKind};
 use hopbench::fault::{Component, Mode, catalogue};
+use hopbench::plant::column::{ARRAY, Column};
 use hopbench::simulation::{Flight, Instrumentation, MODIFIED_KEPT, Report};
 use hopbench_hil::bench::ground::{GROUND_ADDRESS, Ground};
 use hopbench_hil::bench::live::Live;
@@ -15,7 +17,6 @@ use hopbench_hil::bench::parameter::parameters;
 use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::mavlink::measurement::is_reset;
-use hopbench_hil::wire::mavlink::telemetry::PLANT_FLOATS;
 use hopbench_hil::wire::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
 use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
 use hopbench_hil::wire::stream::Refusal;
@@ -210,7 +211,7 @@ fn a_failure_is_accepted_only_where_it_acts() {
     for what in ["fault gnss off", "fault gimbal_x stuck", "mended gnss off"] {
         assert!(modified.contains(what), "{what} in {modified}");
     }
-    assert!(report.events.iter().any(|e| e.name == format!("fault:gimbal_x_{}", Mode::Stuck.name())));
+    assert!(report.events.iter().any(|e| e.kind.name() == format!("fault:gimbal_x_{}", Mode::Stuck.name())));
 }
 
 #[test]
@@ -239,11 +240,13 @@ fn after_a_reset_time_goes_on_and_the_flight_begins_anew() {
     });
     assert_eq!(report.flights.len(), 2);
     assert!(report.modified.is_empty() && !report.flights[0].modified.is_empty());
-    assert!(report.flights.iter().all(|flight| flight.events.iter().any(|event| event.name == "reset")));
+    assert!(
+        report.flights.iter().all(|flight| flight.events.iter().any(|event| event.kind.name() == "reset"))
+    );
     // Cut short by the reset; one that had given up before would not be excused, nor is one that nobody cut short.
     let mut flown = report.flights[0].clone();
     assert!(report.flights.iter().all(Report::is_excused) && !report.is_excused());
-    flown.events[0].name = "abort:tilt".to_owned();
+    flown.events[0].kind = EventKind::Abort(AbortReason::Tilt);
     assert!(!flown.is_excused());
 }
 
@@ -265,7 +268,7 @@ fn what_is_in_force_changes_nothing_and_a_flood_of_changes_is_counted() {
     assert_eq!(report.modified_count, MODIFIED_KEPT + 2, "{:?}", report.modified);
     assert_eq!(report.modified.len(), MODIFIED_KEPT + 1);
     assert_eq!(report.modified[MODIFIED_KEPT], "and 2 more");
-    assert_eq!(report.events.iter().filter(|event| event.name == "modified").count(), MODIFIED_KEPT);
+    assert_eq!(report.events.iter().filter(|event| event.kind.name() == "modified").count(), MODIFIED_KEPT);
 }
 
 /// The page of the bench names every float with its place.
@@ -273,7 +276,7 @@ fn what_is_in_force_changes_nothing_and_a_flood_of_changes_is_counted() {
 fn the_page_of_the_bench_lists_the_plant_s_floats() {
     let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/bench.md");
     let page = std::fs::read_to_string(page).unwrap();
-    for (i, name) in PLANT_FLOATS.iter().enumerate() {
+    for (i, Column { name, .. }) in ARRAY.iter().enumerate() {
         assert!(page.contains(&format!("| {i} `{name}` |")), "{i} {name}");
     }
 }
@@ -308,7 +311,7 @@ fn the_plant_s_floats_come_when_asked_for() {
         let (first_us, data) = idle_until(fc, floats);
         let (second_us, _) = idle_until(fc, floats);
         assert_eq!(second_us - first_us, 100_000);
-        let of = |name: &str| data[PLANT_FLOATS.iter().position(|n| *n == name).unwrap()];
+        let of = |name: &str| data[ARRAY.iter().position(|column| column.name == name).unwrap()];
         // hover_5m stands on the pad, full, with 65 bar in its tank.
         assert!((60e5..70e5).contains(&of("tank_pa")), "{}", of("tank_pa"));
         assert!(of("mass_kg") > 50.0 && of("nitrous_kg") > 1.0 && of("thrust_n") == 0.0);
@@ -615,5 +618,5 @@ fn a_ground_station_that_floods_or_goes_disturbs_no_flight() {
     // All that came was passed on or counted.
     let ground = report.ground.unwrap();
     assert!(ground.dropped + ground.forwarded_to_fc >= 1500, "{ground:?}");
-    assert_eq!(report.events.iter().filter(|e| e.name == "fc_lost").count(), 0);
+    assert_eq!(report.events.iter().filter(|e| e.kind.name() == "fc_lost").count(), 0);
 }

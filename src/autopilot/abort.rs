@@ -10,6 +10,7 @@
 
 use super::mission::{AbortLimits, Mission};
 use super::phase::Phase;
+pub use crate::event::AbortReason;
 use crate::time::SimTime;
 
 /// How a mission ends early.
@@ -21,66 +22,7 @@ pub enum AbortKind {
     Cut,
 }
 
-/// Why a mission ends early.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AbortReason {
-    /// The propellant lasts no longer than the way down and the reserve.
-    Propellant,
-    /// Tilt beyond what control commands.
-    Tilt,
-    /// Neither satellite fixes nor altimeter.
-    Navigation,
-    /// Lateral acceleration by the wind above its limit.
-    Wind,
-    /// Guidance has no plan left that keeps its limits.
-    Guidance,
-    /// The vehicle is too far from its reference.
-    OffReference,
-    /// Tilt beyond recovery.
-    Toppling,
-    /// The vehicle leaves the volume cleared for the flight.
-    FlightVolume,
-    /// Full thrust would not stop the fall before the ground.
-    CannotStop,
-    /// Thrust far above the command while climbing.
-    Runaway,
-    /// No inertial samples.
-    Inertial,
-}
-
 impl AbortReason {
-    /// All of them, cuts first: of two triggers in one step the graver decides.
-    pub const ALL: [Self; 11] = [
-        Self::Toppling,
-        Self::FlightVolume,
-        Self::CannotStop,
-        Self::Runaway,
-        Self::Inertial,
-        Self::Guidance,
-        Self::Tilt,
-        Self::OffReference,
-        Self::Navigation,
-        Self::Wind,
-        Self::Propellant,
-    ];
-
-    /// Name in events: `abort:NAME`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Propellant => "propellant",
-            Self::Tilt => "tilt",
-            Self::Navigation => "navigation",
-            Self::Wind => "wind",
-            Self::Guidance => "guidance",
-            Self::OffReference => "off_reference",
-            Self::Toppling => "toppling",
-            Self::FlightVolume => "flight_volume",
-            Self::CannotStop => "cannot_stop",
-            Self::Runaway => "runaway",
-            Self::Inertial => "inertial",
-        }
-    }
-
     /// Kind of abort.
     pub const fn kind(self) -> AbortKind {
         match self {

@@ -108,13 +108,6 @@ pub struct GrainGeometry {
 }
 
 impl GrainGeometry {
-    /// Fuel left at a port radius (kg), never negative.
-    pub fn mass_kg(&self, port_radius_m: f64) -> f64 {
-        let n = f64::from(self.port_count);
-        let area_m2 = PI * (self.outer_radius_m * self.outer_radius_m - n * port_radius_m * port_radius_m);
-        self.fuel_density_kg_m3 * self.length_m * area_m2.max(0.0)
-    }
-
     /// What of the grain does not change in flight.
     fn sums(&self) -> GrainSums {
         let n = f64::from(self.port_count);
@@ -339,7 +332,6 @@ pub struct MassModel {
     dry_swinging: MassProperties,
     tank: TankGeometry,
     bottle: BottleGeometry,
-    grain: GrainGeometry,
     grain_sums: GrainSums,
     bottle_length_m: f64,
     roll_inertia_factor: f64,
@@ -368,7 +360,6 @@ impl MassModel {
             dry_swinging,
             tank,
             bottle,
-            grain,
             grain_sums: grain.sums(),
             bottle_length_m: bottle.volume_m3 / (PI * bottle.radius_m * bottle.radius_m),
             roll_inertia_factor,
@@ -388,11 +379,6 @@ impl MassModel {
     /// The run tank, which the slosh model needs too.
     pub fn tank(&self) -> &TankGeometry {
         &self.tank
-    }
-
-    /// Fuel left (kg).
-    pub fn fuel_kg(&self, contents: &Contents) -> f64 {
-        self.grain.mass_kg(contents.port_radius_m)
     }
 
     /// Mass properties and their rates. Pure: the integrator calls it once per stage.

@@ -45,14 +45,13 @@
 //! comparison.
 
 use super::mass::TankGeometry;
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use nalgebra::Vector2;
 
 /// Modes that can run at once.
 pub const MODES: usize = 2;
 /// First zeros of the derivative of the Bessel function J1.
 const XI: [f64; MODES] = [1.841_183_781_340_659_4, 5.331_442_773_525_033];
-/// Standard gravity (m/s²), which the one-way form uses whatever the vehicle feels.
-const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// Which slosh model the plant runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
@@ -209,7 +208,7 @@ impl Slosh {
             }
             SloshModel::OneWayPaper => {
                 let mass_kg = 0.5 * self.paper_mass_fraction * nitrous_kg.max(0.0);
-                (Coupling::OneWay, mass_kg, STANDARD_GRAVITY_M_S2)
+                (Coupling::OneWay, mass_kg, STANDARD_GRAVITY_M_S2) // whatever the vehicle feels
             }
         };
         let stiffness_1_s2 = g_eff * wave_number * full;

@@ -13,7 +13,7 @@ pub const GAS_CONSTANT_AIR_J_KG_K: f64 = 287.05287;
 pub const STANDARD_PRESSURE_PA: f64 = 101_325.0;
 /// Standard sea-level temperature (K).
 pub const STANDARD_TEMPERATURE_K: f64 = 288.15;
-/// Standard gravity (m/s²).
+/// Standard gravity (m/s²); turns specific impulse into velocity too.
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// Heights beyond this above or below the pad read as this: the end of the troposphere (m).

@@ -121,7 +121,7 @@ pub enum Mode {
 }
 
 /// What the value of a fault means.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
     /// Unit, or what it is a share or multiple of.
     pub unit: &'static str,
@@ -134,7 +134,7 @@ pub struct Quantity {
 }
 
 /// One fault that can be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// In what.
     pub component: Component,

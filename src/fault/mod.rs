@@ -20,6 +20,7 @@ pub use wire::WireEffect;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::event::EventKind;
 use crate::input::Invalid;
 use crate::noise::stream;
 use crate::signal::Measurement;
@@ -57,9 +58,10 @@ pub struct Fault {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10000.0))]
     pub below_m: Option<f64>,
-    /// Begins at the first event of this name, as `armed`, `ignition`, `liftoff`, `phase:hover`.
+    /// Begins at the first event of this name, as `armed`, `ignition`, `liftoff`, `phase:hover`; `docs/events.md` lists them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at_event: Option<String>,
+    #[schemars(with = "Option<String>")]
+    pub at_event: Option<EventKind>,
     /// Begins so much later than its trigger (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     #[schemars(range(min = 0.0, max = 86400.0))]
@@ -198,7 +200,7 @@ impl Fault {
 /// Checks the entries of a scenario, each and beside each other.
 ///
 /// # Errors
-/// When one cannot be, or two have one name.
+/// When one cannot be, two have one name, or one waits for a fault that is not there.
 pub fn validate(entries: &[Fault]) -> Result<(), Invalid> {
     for (index, entry) in entries.iter().enumerate() {
         entry.validate().map_err(|fault| fault.within(&index.to_string()))?;
@@ -208,6 +210,16 @@ pub fn validate(entries: &[Fault]) -> Result<(), Invalid> {
                 format!("{index}.name"),
                 format!("entry {first} is named {name:?} too: each needs its own name"),
             ));
+        }
+        if let Some(event @ (EventKind::Fault(awaited) | EventKind::FaultOver(awaited))) = &entry.at_event {
+            let others = entries.iter().enumerate().filter(|(other, _)| *other != index);
+            let names: Vec<_> = others.map(|(_, other)| other.name()).collect();
+            if !names.contains(awaited) {
+                return Err(Invalid::new(
+                    format!("{index}.at_event"),
+                    format!("\"{event}\" never happens; the other entries are [{}]", names.join(", ")),
+                ));
+            }
         }
     }
     Ok(())
@@ -281,7 +293,7 @@ impl Faults {
     }
 
     /// An event happened, for entries that wait for it.
-    pub fn hear(&mut self, event: &str) {
+    pub fn hear(&mut self, event: &EventKind) {
         for running in &mut self.running {
             if let Stage::Waiting(waiting) = &mut running.stage {
                 waiting.hear(&running.fault, event);

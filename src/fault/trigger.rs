@@ -1,6 +1,7 @@
 //! When a fault begins.
 
 use super::Fault;
+use crate::event::EventKind;
 use crate::time::SimTime;
 
 /// What triggers go by.
@@ -26,8 +27,8 @@ pub(super) struct Waiting {
 }
 
 impl Waiting {
-    pub(super) fn hear(&mut self, fault: &Fault, event: &str) {
-        self.heard |= fault.at_event.as_deref() == Some(event);
+    pub(super) fn hear(&mut self, fault: &Fault, event: &EventKind) {
+        self.heard |= fault.at_event.as_ref() == Some(event);
     }
 
     /// Whether it has come to the trigger of `fault`.

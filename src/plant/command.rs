@@ -7,6 +7,7 @@ use super::discrete_state::Demand;
 use super::sequence::Positions;
 use crate::actuator::ServoMemory;
 use crate::dynamics::landing_gear::Grip;
+use crate::event::EventKind;
 use crate::frame::Vec3;
 use crate::propulsion::{BelowMinimum, Damage, EngineCondition, PairLevels};
 use crate::signal::{ActuatorCommand, Throttle};
@@ -175,7 +176,7 @@ impl Plant {
         if saturated && thrust_n > 0.0 {
             // Once per excursion: a demand that rides the limit is one.
             if self.discrete.saturated.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
-                self.note("saturated", format!("{thrust_n:.0} N asked for"));
+                self.note(EventKind::Saturated, format!("{thrust_n:.0} N asked for"));
             }
             self.discrete.saturated = Some(now);
         }

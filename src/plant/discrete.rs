@@ -1,8 +1,9 @@
 //! What happens between steps: stops, play, flame, depletion, feet.
 
-use super::{Evaluation, Plant, PlantEvent, State};
+use super::{Evaluation, Plant, State};
 use crate::actuator::ServoMemory;
 use crate::dynamics::rigid_body::SolveStatus;
+use crate::event::{Event, EventKind};
 use crate::fluid::Nitrous;
 use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
@@ -22,10 +23,11 @@ impl Plant {
     pub(super) fn advance_disturbances(&mut self, dt_s: f64) {
         let state = &self.state;
         self.environment.wind.advance(dt_s, -state.position_ned_m.z, state.velocity_ned_m_s);
-        let (time, mission_s, events) = (self.time, self.mission_s(), &mut self.events);
+        let (time_s, mission_s, events) = (self.time.s(), self.mission_s(), &mut self.events);
         self.inputs.disturbance = self.disturbances.advance(dt_s, mission_s, |name, begins| {
             let detail = format!("{name} {}", if begins { "begins" } else { "ends" });
-            events.push(PlantEvent { time, name: "disturbance", detail: detail.trim_start().to_owned() });
+            let kind = EventKind::Disturbance;
+            events.push(Event { time_s, kind, detail: detail.trim_start().to_owned() });
         });
     }
 
@@ -40,7 +42,7 @@ impl Plant {
         self.discrete.warm_start.update(now.engine.warm_start);
         if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
             self.discrete.singular = true;
-            self.note("abort:singular", "mass or inertia is not that of a body".to_owned());
+            self.note(EventKind::Singular, "mass or inertia is not that of a body".to_owned());
         }
 
         self.clear_round_off();
@@ -118,7 +120,7 @@ impl Plant {
     fn detect_depletion(&mut self, now: &NitrogenState) {
         if !self.inputs.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
             self.inputs.nitrous_depleted = true;
-            self.note("nitrous_depleted", format!("{:.3} kg of gas left", self.state.nitrous_kg));
+            self.note(EventKind::NitrousDepleted, format!("{:.3} kg of gas left", self.state.nitrous_kg));
         }
         let high = now.tank_pa > self.vehicle.pressurant.regulator.greatest_pa();
         let low = !now.regulated && !high;
@@ -131,11 +133,11 @@ impl Plant {
                     vapor_pa * 1e-5
                 );
             }
-            self.note("bottle_low", detail);
+            self.note(EventKind::BottleLow, detail);
         }
         if high && !self.discrete.tank_high {
             self.note(
-                "tank_high",
+                EventKind::TankHigh,
                 format!("tank {:.1} bar, above its regulator; no relief valve", now.tank_pa * 1e-5),
             );
         }
@@ -155,7 +157,7 @@ impl Plant {
         let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
         if !self.discrete.burnt_through && self.discrete.full_fuel_kg_s > 0.0 && usable_kg < tail_kg {
             self.discrete.burnt_through = true;
-            self.note("fuel_burn_through", chamber());
+            self.note(EventKind::FuelBurnThrough, chamber());
         }
         let flame = self.vehicle.engine_parameters.ignition.advance(
             &self.discrete.flame,
@@ -173,12 +175,12 @@ impl Plant {
             (false, true) => {
                 self.inputs.ignition.get_or_insert(self.time);
                 self.ignite_pool(now);
-                self.note("ignition", chamber());
+                self.note(EventKind::Ignition, chamber());
             }
             (true, false) => {
                 self.state.burning_fraction = 0.0;
                 self.state.fuel_flow_kg_s = 0.0;
-                self.note("shutdown", chamber());
+                self.note(EventKind::Shutdown, chamber());
             }
             _ => {}
         }

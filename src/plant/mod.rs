@@ -9,6 +9,7 @@
 //! studies (`freeze.rs`).
 
 mod cached_rate;
+pub mod column;
 mod command;
 mod continuous;
 mod discrete;
@@ -24,7 +25,6 @@ pub mod signs;
 mod snapshot;
 mod state;
 
-pub use sequence::PlantEvent;
 pub use snapshot::Snapshot;
 pub use state::{Rate, State};
 
@@ -35,6 +35,7 @@ use crate::dynamics::landing_gear::{Contact, MAX_LEGS, Motion};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
+use crate::event::{Event, EventKind};
 use crate::frame::Vec3;
 use crate::input::Invalid;
 use crate::integrator::{Integrable, rk4_step_from};
@@ -67,7 +68,7 @@ pub struct Plant {
     discrete: DiscreteState,
     disturbances: Disturbances,
     sequence: Sequence,
-    events: Vec<PlantEvent>,
+    events: Vec<Event>,
     snapshot: Snapshot,
     frozen: Frozen,
     /// `None`: full fidelity.
@@ -194,8 +195,8 @@ impl Plant {
         self.evaluate_inline(state, share).rate
     }
 
-    pub(super) fn note(&mut self, name: &'static str, detail: String) {
-        self.events.push(PlantEvent { time: self.time, name, detail });
+    pub(super) fn note(&mut self, kind: EventKind, detail: String) {
+        self.events.push(Event { time_s: self.time.s(), kind, detail });
     }
 
     pub(super) fn fuel_kg(&self, state: &State) -> f64 {
@@ -244,7 +245,7 @@ impl Plant {
     }
 
     /// Events since the last call.
-    pub fn take_events(&mut self) -> std::vec::Drain<'_, PlantEvent> {
+    pub fn take_events(&mut self) -> std::vec::Drain<'_, Event> {
         self.events.drain(..)
     }
 

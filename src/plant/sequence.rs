@@ -9,17 +9,6 @@ use crate::scenario::{Scenario, SequenceSource};
 use crate::signal::{ActuatorCommand, Discrete};
 use crate::time::SimTime;
 
-/// Something that the plant noticed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PlantEvent {
-    /// When.
-    pub time: SimTime,
-    /// Name from the manual's list.
-    pub name: &'static str,
-    /// Numbers and reasons.
-    pub detail: String,
-}
-
 /// Positions that the discrete actuators are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Positions {

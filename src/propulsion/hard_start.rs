@@ -15,8 +15,8 @@
 
 use super::chamber::UNIVERSAL_GAS;
 use super::engine::Engine;
-use super::nozzle::STANDARD_GRAVITY_M_S2;
 use super::operating_point::{ChamberWarmStart, EngineCondition};
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 
 /// Below this the spike has ended (Pa).
 const ENDED_PA: f64 = 1.0;

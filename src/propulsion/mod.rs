@@ -66,7 +66,7 @@ pub use hard_start::PressureSpike;
 pub use ignition::{BelowMinimum, Depletion, DepletionModel, Flame, FlameConditions, Ignition};
 pub use injector::{Injector, SinglePhase};
 pub use inverse::Inverse;
-pub use nozzle::{Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, SeparationRule};
+pub use nozzle::{Nozzle, NozzleFlow};
 pub use operating_point::{ChamberWarmStart, Damage, EngineCondition, OperatingPoint, WarmStart};
 pub use outlet::{GasIngestion, Outlet};
 pub use paper::{PaperEngine, SweepPoint};

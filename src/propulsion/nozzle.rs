@@ -1,7 +1,7 @@
 //! The nozzle: thrust and flow from full to off.
 //!
 //! One variable, the Mach number at which the jet leaves the wall, joins four states: full, separated
-//! (where p = pa/M on the wall), unchoked, off. Perfect-gas relations with the throat's isentropic exponent.
+//! (where p = pa/M on the wall, which tends to pa at the throat: no jump where the nozzle unchokes), unchoked, off. Perfect-gas relations with the throat's isentropic exponent.
 //!
 //! Source: Stark, "Flow separation in rocket nozzles", AIAA 2005-3940, for the separation rule; thrust of
 //! the full nozzle is the seed paper's Eq 10 with the vacuum impulse, both efficiencies and g₀.
@@ -12,10 +12,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::combustion::Mixture;
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use crate::interpolate::{Bracket, bracketed_root};
-
-/// Standard gravity (m/s²), that turns specific impulse into velocity.
-pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
 
 /// Nozzle: the `[engine.nozzle]` table.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -33,8 +31,6 @@ pub struct Nozzle {
     /// Efficiency of the vacuum thrust.
     #[schemars(range(min = 0.5, max = 1.0))]
     pub thrust_efficiency: f64,
-    /// Where the jet leaves the wall.
-    pub separation_rule: SeparationRule,
     /// Growth of the throat's radius at `erosion_pressure_pa` (m/s).
     #[schemars(range(min = 0.0, max = 1e-2))]
     pub erosion_rate_m_s: f64,
@@ -47,14 +43,6 @@ pub struct Nozzle {
     /// Height of the exit plane above the gimbal pivot (m).
     #[schemars(range(min = -10.0, max = 10.0))]
     pub exit_z_m: f64,
-}
-
-/// Rule for the pressure at which the jet leaves the wall.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SeparationRule {
-    /// p = pa/M (Stark 2005); tends to pa at the throat, so no jump where the nozzle unchokes.
-    Stark,
 }
 
 /// Flow regime of the nozzle.

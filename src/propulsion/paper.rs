@@ -28,9 +28,10 @@ use super::feed_grid::Feed;
 use super::feed_map::throttled_state;
 use super::injector::{OrificePressures, flashing_flux_kg_m2_s};
 use super::inverse::Inverse;
-use super::nozzle::{NozzleFlow, STANDARD_GRAVITY_M_S2};
+use super::nozzle::NozzleFlow;
 use super::operating_point::{EngineCondition, OperatingPoint, WarmStart};
 use super::parameters::{EngineParameters, PaperMode};
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use crate::fluid::Nitrous;
 use crate::interpolate::{Bracket, bracketed_root};
 

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::nozzle::STANDARD_GRAVITY_M_S2;
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use crate::frame::{Vec3, frd_from_structural};
 use crate::input::Invalid;
 use crate::time::SimTime;

@@ -14,9 +14,10 @@ use super::chamber::{
 };
 use super::combustion::{CombustionMap, Mixture};
 use super::grain::Grain;
-use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, STANDARD_GRAVITY_M_S2, Throat};
+use super::nozzle::{ChamberPressure, Nozzle, NozzleFlow, Throat};
 use super::operating_point::{ChamberWarmStart, EngineCondition, OperatingPoint, WarmStart};
 use super::parameters::EngineParameters;
+use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use crate::input::Invalid;
 use crate::interpolate::Power;
 

@@ -4,7 +4,6 @@ mod campaign;
 mod dispersion;
 mod load;
 mod schedule;
-mod trigger;
 
 pub use campaign::{CampaignFile, Success, Variant};
 pub use dispersion::{Dispersion, Distribution, Mode};
@@ -397,8 +396,6 @@ pub enum Outcome {
     Aborted,
     /// An open-loop run reached its duration.
     Completed,
-    /// Hangs in its tether.
-    Hanging,
     /// Throttle without a flame.
     NoIgnition,
     /// Time ran out.
@@ -495,7 +492,7 @@ impl ScenarioFile {
         if let Err(fault) = disturbance::validate(&file.disturbance) {
             faults.push(fault.within("disturbance"));
         }
-        if let Err(wrong) = fault::validate(&file.fault).and_then(|()| trigger::validate(&file.fault)) {
+        if let Err(wrong) = fault::validate(&file.fault) {
             faults.push(wrong.within("fault"));
         }
         if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }

@@ -3,6 +3,7 @@
 
 use super::report::Handover;
 use super::{Flight, Instrumentation, Report};
+use crate::event::EventKind;
 use crate::fault::{Acting, Component, Fault, Mode, WireEffect};
 use crate::frame::Vec3;
 use crate::input::Invalid;
@@ -63,7 +64,7 @@ impl Flight {
     pub fn inject(&mut self, fault: &Fault) -> Result<(), Invalid> {
         self.faults.inject(fault, self.plant.time())?;
         self.note_modified(&format!("fault {}", fault.describe()));
-        self.event(&format!("fault:{}", fault.name()), fault.describe());
+        self.event(EventKind::Fault(fault.name()), fault.describe());
         Ok(())
     }
 
@@ -72,11 +73,12 @@ impl Flight {
     pub fn clear_fault(&mut self, component: Component, mode: Option<Mode>) -> usize {
         let mut ended = Vec::new();
         self.faults.clear(component, mode, |fault| ended.push((fault.name(), fault.describe())));
-        for (name, what) in &ended {
+        let count = ended.len();
+        for (name, what) in ended {
             self.note_modified(&format!("mended {what}"));
-            self.event(&format!("fault_over:{name}"), String::new());
+            self.event(EventKind::FaultOver(name), String::new());
         }
-        ended.len()
+        count
     }
 
     /// The faults that act now.
@@ -96,7 +98,7 @@ impl Flight {
         self.modified_count += 1;
         if self.modified.len() < MODIFIED_KEPT {
             self.modified.push(format!("{:.3} s: {what}", self.plant.time().s()));
-            self.event("modified", what.to_owned());
+            self.event(EventKind::Modified, what.to_owned());
         }
     }
 

@@ -1,12 +1,12 @@
 //! The bench's share of a report: hand-overs, time, the links.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::report::Source;
 use crate::scenario::Fidelity;
 
 /// A change of who flies, and what it did to the vehicle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Handover {
     /// Who took over; null: the engine was cut.
     pub to: Option<Source>,
@@ -29,7 +29,7 @@ pub struct Handover {
 }
 
 /// Greatest tilt and body rate of a span.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Unrest {
     /// Tilt of the long axis (deg).
     pub tilt_deg: f64,
@@ -46,7 +46,7 @@ impl Unrest {
 }
 
 /// Simulated and wall time.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 #[serde(default)]
 pub struct Timing {
     /// Which physics the plant ran.
@@ -103,7 +103,7 @@ pub struct Timing {
 }
 
 /// A row of steps that began late.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Overrun {
     /// Run time of the first (s).
     pub time_s: f64,
@@ -116,7 +116,7 @@ pub struct Overrun {
 }
 
 /// What the kernel granted the thread that steps the plant.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Scheduler {
     /// The real-time class SCHED_FIFO.
     pub fifo: bool,
@@ -131,7 +131,7 @@ pub struct Scheduler {
 }
 
 /// Median and tail of a distribution.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(default)]
 pub struct Percentiles {
     /// Median.
@@ -145,7 +145,7 @@ pub struct Percentiles {
 }
 
 /// The link's counters.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(default)]
 pub struct LinkReport {
     /// Frames that the system took.
@@ -167,10 +167,8 @@ pub struct LinkReport {
     /// Datagrams or connections of somebody else, turned away.
     pub refused: u64,
     /// HIL_ACTUATOR_CONTROLS that held no number where a channel is read.
-    #[serde(default)]
     pub controls_refused: u64,
     /// HIL_ACTUATOR_CONTROLS that came again, too late or out of the flight before.
-    #[serde(default)]
     pub controls_old: u64,
     /// Waits for a reply that ran into their limit.
     pub stalls: u64,
@@ -199,7 +197,7 @@ pub struct LinkReport {
 }
 
 /// Waits in lockstep that ran into their limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Stalled {
     /// Run time of the first (s).
     pub first_s: f64,
@@ -216,7 +214,7 @@ pub struct Stalled {
 }
 
 /// What faults of the wire did to frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Disrupted {
     /// From the bench to the flight controller.
     pub to_fc: DisruptedWay,
@@ -225,7 +223,7 @@ pub struct Disrupted {
 }
 
 /// What faults of the wire did to the frames of one direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DisruptedWay {
     /// Lost.
     pub dropped: u64,
@@ -238,7 +236,7 @@ pub struct DisruptedWay {
 }
 
 /// What passed on the ground station's link.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct GroundReport {
     /// Frames of the bench itself.
     pub sent: u64,

@@ -16,11 +16,12 @@ mod state_hash;
 mod summary;
 
 pub use bench::MODIFIED_KEPT;
-pub use report::{Event, FlownBy, Ladders, Report, Source};
+pub use report::{FlownBy, Ladders, Report, Source};
 pub use summary::TouchdownOffset;
 
 use crate::autopilot::abort::{Abort, AbortKind};
 use crate::autopilot::{Autopilot, Estimate, Parameters};
+use crate::event::{Event, EventKind, Phase};
 use crate::fault::{self, Faults};
 use crate::frame::Vec3;
 use crate::input::Invalid;
@@ -63,7 +64,7 @@ pub struct Flight {
     handovers: Vec<Handover>,
     source: Source,
     armed: bool,
-    phase: Option<&'static str>,
+    phase: Option<Phase>,
     abort: Option<Abort>,
     hash: StateHash,
     steps: u64,
@@ -234,7 +235,7 @@ impl Flight {
     /// Advances one step under a command.
     pub fn step(&mut self, command: &ActuatorCommand) {
         if command.armed && !self.armed {
-            self.event("armed", String::new());
+            self.event(EventKind::Armed, String::new());
         }
         self.armed = command.armed;
         self.advance_faults();
@@ -249,7 +250,7 @@ impl Flight {
     /// Begins and ends the faults that are due, and tells the plant which act.
     fn advance_faults(&mut self) {
         while let Some(event) = self.events.get(self.events_heard) {
-            self.faults.hear(&event.name);
+            self.faults.hear(&event.kind);
             self.events_heard += 1;
         }
         let (time, events) = (self.plant.time(), &mut self.events);
@@ -263,9 +264,9 @@ impl Flight {
         self.faults.advance(&now, |fault, begins| {
             let (name, time_s) = (fault.name(), time.s());
             events.push(if begins {
-                Event { time_s, name: format!("fault:{name}"), detail: fault.describe() }
+                Event { time_s, kind: EventKind::Fault(name), detail: fault.describe() }
             } else {
-                Event { time_s, name: format!("fault_over:{name}"), detail: String::new() }
+                Event { time_s, kind: EventKind::FaultOver(name), detail: String::new() }
             });
         });
         self.plant.set_faults(&self.faults.effects().plant);
@@ -276,13 +277,7 @@ impl Flight {
         self.plant.step(command);
         self.steps += 1;
         self.snapshot = *self.plant.snapshot();
-        for event in self.plant.take_events() {
-            self.events.push(Event {
-                time_s: event.time.s(),
-                name: event.name.to_owned(),
-                detail: event.detail,
-            });
-        }
+        self.events.extend(self.plant.take_events());
     }
 
     /// What the sensors that are due deliver, faults of theirs included.
@@ -307,7 +302,7 @@ impl Flight {
         };
         let milestones = self.referee.watch(&self.snapshot, &circumstances);
         if milestones.liftoff {
-            self.event("liftoff", String::new());
+            self.event(EventKind::Liftoff, String::new());
         }
         if milestones.touchdown {
             self.note_touchdown();
@@ -316,7 +311,7 @@ impl Flight {
 
     /// Reference of the hover, while whoever carries the mission is in it: the autopilot at the controls.
     fn hover_reference(&self) -> Option<Vec3> {
-        (self.source == Source::Autopilot && self.phase == Some("hover")).then(|| {
+        (self.source == Source::Autopilot && self.phase == Some(Phase::Hover)).then(|| {
             let reference =
                 self.reference_elsewhere_ned_m.unwrap_or_else(|| self.autopilot.reference().position_ned_m);
             self.in_pad_frame(reference)
@@ -326,7 +321,7 @@ impl Flight {
     /// How far the flight's own autopilot believes to be off the reference of its hover, at every measurement.
     fn hover_control_error(&self) -> Option<Vec3> {
         let own = self.source == Source::Autopilot && !self.flown_elsewhere;
-        (own && self.phase == Some("hover") && self.measurement.is_some())
+        (own && self.phase == Some(Phase::Hover) && self.measurement.is_some())
             .then(|| self.autopilot.estimate().position_ned_m - self.autopilot.reference().position_ned_m)
     }
 
@@ -344,7 +339,7 @@ impl Flight {
             self.estimate_at_touchdown = Some(self.autopilot.estimate().position_ned_m);
         }
         self.event(
-            "touchdown",
+            EventKind::Touchdown,
             format!(
                 "{:.2} m/s down, {:.2} m/s across, tilt {:.1} deg",
                 touchdown.vertical_speed_m_s, touchdown.lateral_speed_m_s, touchdown.tilt_deg
@@ -419,7 +414,7 @@ impl Flight {
         let measurement = self.measurement.as_ref()?;
         let command = self.autopilot.update(measurement);
         self.note_abort(self.autopilot.abort());
-        self.note_phase(self.autopilot.phase().name());
+        self.note_phase(self.autopilot.phase());
         Some(command)
     }
 
@@ -431,10 +426,10 @@ impl Flight {
     }
 
     /// Notes the phase of the mission, whoever carries it.
-    pub fn note_phase(&mut self, phase: &'static str) {
+    pub fn note_phase(&mut self, phase: Phase) {
         if self.phase != Some(phase) {
             self.phase = Some(phase);
-            self.event(&format!("phase:{phase}"), String::new());
+            self.event(EventKind::Phase(phase), String::new());
         }
     }
 
@@ -448,18 +443,18 @@ impl Flight {
                 AbortKind::Land => "lands where it is",
                 AbortKind::Cut => "engine cut",
             };
-            self.event(&format!("abort:{}", reason.name()), format!("{how}, decided at {:.3} s", time.s()));
+            self.event(EventKind::Abort(reason), format!("{how}, decided at {:.3} s", time.s()));
         }
     }
 
     /// The phase noted last.
-    pub fn phase(&self) -> Option<&'static str> {
+    pub fn phase(&self) -> Option<Phase> {
         self.phase
     }
 
     /// Adds an event.
-    pub fn event(&mut self, name: &str, detail: String) {
-        self.events.push(Event { time_s: self.plant.time().s(), name: name.to_owned(), detail });
+    pub fn event(&mut self, kind: EventKind, detail: String) {
+        self.events.push(Event { time_s: self.plant.time().s(), kind, detail });
     }
 
     /// Everything that happened so far.

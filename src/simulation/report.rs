@@ -2,17 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 pub use super::bench_report::{
     Disrupted, DisruptedWay, GroundReport, Handover, LinkReport, Overrun, Percentiles, Scheduler, Stalled,
     Timing, Unrest,
 };
 
+use crate::event::{Event, EventKind};
 use crate::scenario::{Expect, Outcome};
 
 /// One run, as reported. Keys are a contract.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Name of the scenario.
     pub scenario: String,
@@ -23,7 +24,7 @@ pub struct Report {
     /// Who flew, in order.
     pub flown_by: Vec<FlownBy>,
     /// Changes of who flies while the bench flew; absent when there was none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub handovers: Vec<Handover>,
     /// What was expected, and what came.
     pub expect: Verdict,
@@ -34,7 +35,6 @@ pub struct Report {
     /// The hover phase of the mission.
     pub hover: Option<Hover>,
     /// What the built-in autopilot's ladders did, where it flew in this process.
-    #[serde(default)]
     pub autopilot: Option<Ladders>,
     /// Fluids and fuel.
     pub propellant: Propellant,
@@ -51,28 +51,26 @@ pub struct Report {
     /// Folder of the run, if one was written.
     pub run: Option<String>,
     /// Values that replaced those of the files, `KEY=VALUE`; absent when there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<String>,
     /// What was changed from outside while it flew, in order; such a run is not its scenario's. The first
     /// hundred changes, and then how many more there were.
-    #[serde(default)]
     pub modified: Vec<String>,
     /// How many changes that were.
-    #[serde(default)]
     pub modified_count: usize,
     /// Names of the scenario's faults that never began; absent when all did.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults_idle: Vec<String>,
     /// Reports of the flights before this one in the same process, each ended by a reset; absent when there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub flights: Vec<Report>,
     /// The ground station's link, where there was one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<GroundReport>,
 }
 
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Ladders {
     /// Predictive control, fifty times a second: `solved`, `capped`, `oracle`, `shifted`, `feedback`, `cascade`.
     pub control: BTreeMap<String, u64>,
@@ -83,7 +81,7 @@ pub struct Ladders {
 }
 
 /// Who commands the vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// A flight controller from outside: at the other end of a link, or a law of one's own.
@@ -95,7 +93,7 @@ pub enum Source {
 }
 
 /// A span of the run in one hand.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FlownBy {
     /// Whose.
     pub source: Source,
@@ -106,7 +104,7 @@ pub struct FlownBy {
 }
 
 /// Expectations against results.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Verdict {
     /// Every item passed.
     pub passed: bool,
@@ -115,7 +113,7 @@ pub struct Verdict {
 }
 
 /// One expectation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Item {
     /// Key in `[expect]`.
     pub name: String,
@@ -128,7 +126,7 @@ pub struct Item {
 }
 
 /// First pad contact after lift-off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Touchdown {
     /// Run time (s).
     pub time_s: f64,
@@ -147,7 +145,7 @@ pub struct Touchdown {
 }
 
 /// The hover phase.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Hover {
     /// Length (s).
     pub duration_s: f64,
@@ -157,23 +155,20 @@ pub struct Hover {
     pub lateral_rms_m: f64,
     /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who flew
     /// sits at the other end of a link.
-    #[serde(default)]
     pub altitude_control_rms_m: Option<f64>,
     /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew sits at
     /// the other end of a link.
-    #[serde(default)]
     pub lateral_control_rms_m: Option<f64>,
 }
 
 /// Fluids and fuel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Propellant {
     /// Nitrous oxide that left the tank for good, liquid and vapour (kg).
     pub nitrous_used_kg: f64,
     /// Liquid nitrous oxide left (kg).
     pub nitrous_left_kg: f64,
     /// Nitrous oxide vapour in the run tank, neither used nor left as propellant (kg).
-    #[serde(default)]
     pub nitrous_vapor_kg: f64,
     /// Fuel used (kg).
     pub fuel_used_kg: f64,
@@ -184,12 +179,11 @@ pub struct Propellant {
     /// Nitrogen through the vent (kg).
     pub nitrogen_vented_kg: f64,
     /// Nitrogen through the engine, once an outlet that uncovers draws gas (kg).
-    #[serde(default)]
     pub nitrogen_nozzle_kg: f64,
 }
 
 /// Mass book-keeping.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MassBalance {
     /// At step 0 (kg).
     pub initial_kg: f64,
@@ -199,25 +193,11 @@ pub struct MassBalance {
     pub closure_error_kg: f64,
 }
 
-/// Something that happened.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Event {
-    /// Run time (s).
-    pub time_s: f64,
-    /// Name, from a closed list in the manual.
-    pub name: String,
-    /// Numbers and reasons.
-    pub detail: String,
-}
-
-/// Name of the event of a flight that was not over when a reset ended it.
-pub const CUT_SHORT: &str = "cut_short";
-
 impl Report {
     /// Whether somebody cut it short while nothing had gone wrong: then its verdict says nothing.
     pub fn is_excused(&self) -> bool {
-        let has = |is: fn(&str) -> bool| self.events.iter().any(|event| is(&event.name));
-        has(|name| name == CUT_SHORT) && !has(|name| name.starts_with("abort:"))
+        let has = |is: fn(&EventKind) -> bool| self.events.iter().any(|event| is(&event.kind));
+        has(|kind| *kind == EventKind::CutShort) && !has(EventKind::is_abort)
     }
 
     /// Judges the report by `[expect]`.
@@ -303,10 +283,10 @@ impl Report {
     /// Expects as well that an outside flight controller flew throughout: what somebody else brought home fails.
     pub fn require_fc(&mut self) {
         // Who is cut off after a loss has not flown to the end either, though nobody else took over.
-        let lost = self.events.iter().any(|event| event.name == "fc_lost");
+        let lost = self.events.iter().any(|event| event.kind == EventKind::FcLost);
         let alone = !self.flown_by.is_empty() && self.flown_by.iter().all(|f| f.source == Source::Fc);
         let mut who: Vec<_> = self.flown_by.iter().map(|f| serde_json::json!(f.source)).collect();
-        who.extend(lost.then(|| "fc_lost".into()));
+        who.extend(lost.then(|| EventKind::FcLost.name().into()));
         self.expect.items.push(Item {
             name: "flown_by".to_owned(),
             value: who.into(),

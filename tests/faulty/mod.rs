@@ -22,13 +22,14 @@ pub struct Flown {
 
 impl Flown {
     /// Reasons of the aborts, in the order they were decided.
-    pub fn aborts(&self) -> Vec<&str> {
-        self.report.events.iter().filter_map(|e| e.name.strip_prefix("abort:")).collect()
+    pub fn aborts(&self) -> Vec<String> {
+        let aborts = self.report.events.iter().filter(|e| e.kind.is_abort());
+        aborts.map(|e| e.kind.name().replace("abort:", "")).collect()
     }
 
     /// Time of the first event of this name (s).
     pub fn time_of(&self, event: &str) -> Option<f64> {
-        self.report.events.iter().find(|e| e.name == event).map(|e| e.time_s)
+        self.report.events.iter().find(|e| e.kind.name() == event).map(|e| e.time_s)
     }
 }
 
@@ -68,7 +69,7 @@ pub fn fly(
             sensed(mission_s, &mut measurement);
             command = autopilot.update(&measurement);
             flight.note_abort(autopilot.abort());
-            flight.note_phase(autopilot.phase().name());
+            flight.note_phase(autopilot.phase());
             flight.set_reference_elsewhere(Some(autopilot.reference().position_ned_m));
             if flight.has_touched_down() {
                 flight.set_estimate_at_touchdown(autopilot.estimate().position_ned_m);

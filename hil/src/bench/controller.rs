@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use hopbench::event::EventKind;
 use hopbench::signal::ActuatorCommand;
 use hopbench::time::SimTime;
 
@@ -185,7 +186,8 @@ impl Bench<'_> {
         let (now, now_ns) = (self.flight.time(), now_ns());
         if self.fc.first.is_none() {
             self.fc.first = Some(now);
-            self.flight.event("fc_first", format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));
+            self.flight
+                .event(EventKind::FcFirst, format!("HIL_ACTUATOR_CONTROLS on {}", self.link.address()));
             self.flight.set_source(self.options.source);
         }
         if !self.fc.answers {

@@ -4,6 +4,7 @@
 //! The autopilot has shadowed measurements and commands, so it starts from the motion under way and from the command
 //! in force. It keeps the controls until somebody asks for them to be given back.
 
+use hopbench::event::EventKind;
 use hopbench::frame::{Vec3, tilt_rad};
 use hopbench::plant::Snapshot;
 use hopbench::scenario::{OnFcLoss, Outcome};
@@ -141,7 +142,7 @@ impl Bench<'_> {
         let text = format!("{silent_s:.1} s without HIL_ACTUATOR_CONTROLS that count{why}");
         self.live.notice(format!("FC silent on {}: {text}", self.link.address()));
         if begins {
-            self.flight.event("fc_silent", text);
+            self.flight.event(EventKind::FcSilent, text);
         }
     }
 
@@ -163,7 +164,7 @@ impl Bench<'_> {
 
     fn hand_over(&mut self, why: String) {
         self.live.notice(format!("FC lost on {}: {why}", self.link.address()));
-        self.flight.event("fc_lost", why);
+        self.flight.event(EventKind::FcLost, why);
         self.stage = Stage::Fallback;
         self.hold_peer();
         match self.scenario.file.on_fc_loss {
@@ -177,7 +178,7 @@ impl Bench<'_> {
                 self.flight.autopilot().take_over();
                 self.flight.set_reference_elsewhere(None);
                 self.flight.set_source(Source::Autopilot);
-                self.flight.event("handover", "the built-in autopilot flies".to_owned());
+                self.flight.event(EventKind::Handover, "the built-in autopilot flies".to_owned());
                 self.live.notice("the built-in autopilot flies".to_owned());
             }
         }
@@ -214,7 +215,7 @@ impl Bench<'_> {
             planner.forget();
         }
         self.flight.set_source(self.options.source);
-        self.flight.event("handback", "the flight controller flies".to_owned());
+        self.flight.event(EventKind::Handback, "the flight controller flies".to_owned());
         self.live.notice("the flight controller flies again".to_owned());
         self.clock.rebase(self.flight.time().us());
         Ok(())

@@ -33,6 +33,7 @@ use std::time::{Duration, Instant};
 
 use hopbench::controls::Scale;
 use hopbench::environment::geodesy::Datum;
+use hopbench::event::{EventKind, Phase};
 use hopbench::scenario::{OnFcLoss, Outcome, Scenario};
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::report::{LinkReport, Timing};
@@ -80,7 +81,7 @@ pub struct Options {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Belief {
     /// Phase of the mission.
-    pub phase: &'static str,
+    pub phase: Phase,
     /// Where it wants it to be (m).
     pub reference_ned_m: hopbench::frame::Vec3,
     /// Where it takes it to be (m).
@@ -239,7 +240,7 @@ impl<'a> Bench<'a> {
             self.judge();
         }
         if self.flight.outcome().is_none() {
-            self.flight.event("abort:interrupted", "ended by the user".to_owned());
+            self.flight.event(EventKind::Interrupted, "ended by the user".to_owned());
             self.flight.end(Outcome::Aborted);
         }
         if let Some(handover) = self.hands.unfinished() {
@@ -391,7 +392,7 @@ impl<'a> Bench<'a> {
             self.link.address()
         );
         if self.stalls.is_first() {
-            self.flight.event("stall", text.clone());
+            self.flight.event(EventKind::Stall, text.clone());
         }
         let now = self.flight.time();
         self.stalls.count(&Stall { now, sample_us, waited, by_fault: !lost.is_empty() }, text);

@@ -213,7 +213,7 @@ impl Pilot {
 
     fn belief(&self) -> Belief {
         Belief {
-            phase: self.autopilot.phase().name(),
+            phase: self.autopilot.phase(),
             reference_ned_m: self.autopilot.reference().position_ned_m,
             estimate_ned_m: self.autopilot.estimate().position_ned_m,
             abort: self.autopilot.abort(),

@@ -16,10 +16,10 @@
 
 use std::collections::VecDeque;
 
+use hopbench::event::{self, EventKind};
 use hopbench::fault::{Component, Fault, Mode, Row};
 use hopbench::scenario::Outcome;
 use hopbench::signal::ActuatorCommand;
-use hopbench::simulation::report::CUT_SHORT;
 use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
@@ -250,10 +250,10 @@ impl Bench<'_> {
         if let Some(handover) = self.hands.unfinished() {
             self.flight.note_handover(handover);
         }
-        self.flight.event("reset", "a new flight begins".to_owned());
+        self.flight.event(EventKind::Reset, "a new flight begins".to_owned());
         self.tell_events();
         if self.flight.outcome().is_none() {
-            self.flight.event(CUT_SHORT, "ended by the reset".to_owned());
+            self.flight.event(EventKind::CutShort, "ended by the reset".to_owned());
             self.flight.end(Outcome::Aborted);
         }
         // The answer to whoever asked, and how the flight ended, go before the mark of the new one.
@@ -352,8 +352,8 @@ impl Bench<'_> {
             return;
         }
         for event in events {
-            let text = format!("{:.3} s {} {}", event.time_s, event.name, event.detail);
-            let severity = severity(&event.name);
+            let text = format!("{:.3} s {} {}", event.time_s, event.kind, event.detail);
+            let severity = mav_severity(event.kind.severity());
             if let Some(ground) = &mut self.ground
                 && ground.has_listener()
             {
@@ -671,14 +671,12 @@ impl Bench<'_> {
     }
 }
 
-/// How grave an event is.
-fn severity(event: &str) -> Severity {
-    let kind = event.split(':').next().unwrap_or(event);
-    match kind {
-        "abort" | "fc_lost" => Severity::MAV_SEVERITY_CRITICAL,
-        "redline" | "nitrous_depleted" | "fuel_burn_through" => Severity::MAV_SEVERITY_ERROR,
-        "fault" | "handover" | "bottle_low" | "modified" | "saturated" => Severity::MAV_SEVERITY_WARNING,
-        "fault_over" | "reset" | "handback" => Severity::MAV_SEVERITY_NOTICE,
-        _ => Severity::MAV_SEVERITY_INFO,
+fn mav_severity(severity: event::Severity) -> Severity {
+    match severity {
+        event::Severity::Info => Severity::MAV_SEVERITY_INFO,
+        event::Severity::Notice => Severity::MAV_SEVERITY_NOTICE,
+        event::Severity::Warning => Severity::MAV_SEVERITY_WARNING,
+        event::Severity::Error => Severity::MAV_SEVERITY_ERROR,
+        event::Severity::Critical => Severity::MAV_SEVERITY_CRITICAL,
     }
 }

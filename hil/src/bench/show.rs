@@ -1,5 +1,6 @@
 //! What a person sees while the bench waits and while it flies.
 
+use hopbench::event::Phase;
 use hopbench::signal::{ActuatorCommand, Throttle};
 use hopbench::simulation::{Flight, Source};
 
@@ -56,7 +57,7 @@ fn live_line(
         Throttle::ThrustN(thrust_n) => thrust_n,
         Throttle::ValveRad(_) => now.thrust_command_n,
     };
-    let phase = flight.phase().unwrap_or(if command.armed { "armed" } else { idle });
+    let phase = flight.phase().map_or(if command.armed { "armed" } else { idle }, Phase::name);
     format!(
         "{:7.2} s {phase:<9} h {:6.2} m  v {:+5.2} m/s  thrust {:4.0}/{asked_n:4.0} N  valve {:4.1} deg  \
          Pc {:4.1} bar  N2O {:5.2} kg  {who}  late {late_us:.0} us",

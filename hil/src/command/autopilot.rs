@@ -11,6 +11,7 @@ use hopbench::autopilot::Autopilot;
 use hopbench::autopilot::allocation::ThrottleOutput;
 use hopbench::controls::ThrottleKind;
 use hopbench::environment::Environment;
+use hopbench::event::Phase;
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Instrumentation, data_sheet};
 use serde_json::json;
@@ -46,7 +47,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let mut link = Link::open(&args.plant)?;
     let stop = hil::stop_on_signal()?;
     eprintln!("flying {} for the plant on {}", scenario.name, link.address());
-    let (mut phase, mut abort) = ("", None);
+    let (mut phase, mut abort) = (None, None);
     let heard = Cell::new(false);
     let due = Cell::new(Instant::now() + Duration::from_secs(1));
     let address = link.address().to_owned();
@@ -68,9 +69,9 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
                     eprintln!("abort: {} at {:.3} s", abort.reason.name(), abort.time.s());
                 }
             }
-            if belief.phase != phase {
-                phase = belief.phase;
-                eprintln!("{phase}");
+            if phase != Some(belief.phase) {
+                phase = Some(belief.phase);
+                eprintln!("{}", belief.phase.name());
             }
         },
     );
@@ -80,7 +81,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             "plant": link.address(),
             "scenario": scenario.name,
             "heard": pilot.has_flown(),
-            "phase": (!phase.is_empty()).then_some(phase),
+            "phase": phase.map(Phase::name),
             "received": received,
             "sent": sent,
         }))?;

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use hopbench::input::{Diagnostic, InputError};
-use hopbench::plant::Snapshot;
+use hopbench::plant::{Snapshot, column};
 use hopbench::simulation;
 
 use super::{Common, DONE, UNEXPECTED, print_json, print_text};
@@ -109,7 +109,7 @@ impl Table {
     fn create(path: &Path, rate_hz: u32) -> Result<Self> {
         let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
         let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-        writer.write_record(Snapshot::CSV_HEADER.split(','))?;
+        writer.write_record(column::csv().map(|column| column.name))?;
         Ok(Self { path: path.to_owned(), writer, every_us: 1_000_000 / u64::from(rate_hz) })
     }
 
@@ -117,7 +117,7 @@ impl Table {
         if now.time.us().is_multiple_of(self.every_us) {
             // Shortest text that reads back to the same bits.
             self.writer
-                .write_record(now.csv_row().map(|x| x.to_string()))
+                .write_record(column::csv().map(|column| column.of(now).to_string()))
                 .with_context(|| format!("cannot write {}", self.path.display()))?;
         }
         Ok(())

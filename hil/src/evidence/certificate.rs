@@ -6,6 +6,7 @@
 
 use std::fmt::Write;
 
+use hopbench::event::EventKind;
 use hopbench::simulation::Report;
 use hopbench::simulation::report::{LinkReport, Percentiles, Scheduler, Timing};
 
@@ -245,6 +246,6 @@ fn wire(page: &mut Page, link: &LinkReport, report: &Report) {
     }
     let longest = link.longest_gap_ms.map_or("none".to_owned(), |ms| format!("{ms:.3} ms"));
     page.entry("longest gap", &longest);
-    let losses = report.events.iter().filter(|event| event.name == "fc_lost").count();
+    let losses = report.events.iter().filter(|event| event.kind == EventKind::FcLost).count();
     page.judged("controller lost", &losses.to_string(), "0", losses == 0);
 }

@@ -75,7 +75,7 @@ pub fn summary(report: &Report) -> String {
         line(format!("never began    {}", report.faults_idle.join(", ")));
     }
     for event in &report.events {
-        line(format!("  {:>8.3} s  {:<18} {}", event.time_s, event.name, event.detail));
+        line(format!("  {:>8.3} s  {:<18} {}", event.time_s, event.kind, event.detail));
     }
     if let Some(t) = &report.touchdown {
         line(format!(

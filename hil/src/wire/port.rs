@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 pub const BY_ID: &str = "/dev/serial/by-id";
 
 /// A program that has a device open.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Holder {
     /// Process.
     pub pid: u32,
@@ -18,7 +18,7 @@ pub struct Holder {
 }
 
 /// A serial port that is present.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Port {
     /// Device file, `/dev/ttyACM0`.
     pub path: PathBuf,

@@ -2,6 +2,7 @@
 //! asked for. Facts behind the PX4 profiles were observed on version 1.16.1.
 
 use hopbench::controls::ThrottleKind;
+use hopbench::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use hopbench::sensor::SensorParameters;
 use hopbench::signal::Measurement;
 
@@ -131,7 +132,7 @@ pub fn default_for(link: &LinkSpec) -> &'static Profile {
 impl Profile {
     /// Keeps inertial samples within what PX4's FIFO holds: ±16 g in steps of g/2048, ±2000 deg/s.
     pub fn clamp(&self, measurement: &mut Measurement) {
-        const ACCELERATION_M_S2: f64 = 16.0 * 9.80665 * (32767.0 / 32768.0);
+        const ACCELERATION_M_S2: f64 = 16.0 * STANDARD_GRAVITY_M_S2 * (32767.0 / 32768.0);
         const RATE_RAD_S: f64 = 2000.0 * std::f64::consts::PI / 180.0 * (32767.0 / 32768.0);
         if !self.clamps_inertial {
             return;
@@ -164,7 +165,7 @@ impl Profile {
                 "imu.accelerometer.noise_density_m_s2_sqrt_hz",
                 &mut sensors.imu.accelerometer.noise_density_m_s2_sqrt_hz,
                 imu_hz,
-                9.80665 / 2048.0,
+                STANDARD_GRAVITY_M_S2 / 2048.0,
             ),
             (
                 "imu.gyroscope.noise_density_rad_s_sqrt_hz",

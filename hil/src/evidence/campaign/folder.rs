@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use hopbench::hash::Fnv;
 use serde::{Deserialize, Serialize};
 
 use super::table::{self, Row, Table};
-use super::{Campaign, Fnv, Slot};
+use super::{Campaign, Slot};
 use crate::load::unusable;
 
 const MANIFEST: &str = "campaign.json";

@@ -11,6 +11,7 @@ use std::sync::mpsc;
 
 use anyhow::Result;
 use hopbench::autopilot::Parameters;
+use hopbench::hash::Fnv;
 use hopbench::input::{Diagnostic, Document, InputError, Invalid};
 use hopbench::scenario::{CampaignFile, FileKind, Scenario, ScenarioInputs};
 use hopbench::simulation::{Flight, Report, data_sheet, fly_out};
@@ -302,28 +303,4 @@ fn in_order<T: Send, E: Send>(
         next.store(slots.len(), Ordering::Relaxed);
         result
     })
-}
-
-/// 64-bit FNV-1a.
-#[derive(Clone, Copy)]
-pub struct Fnv(u64);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    /// Takes in bytes.
-    pub fn add(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-        }
-    }
-
-    /// As text.
-    pub fn hex(self) -> String {
-        format!("{:016x}", self.0)
-    }
 }

@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use hopbench::event::EventKind;
 use hopbench::input::InputError;
 use hopbench::simulation::{Flight, Report};
 
@@ -39,7 +40,7 @@ pub struct Row {
 type Figure = fn(&Report, &Flight) -> Option<f64>;
 
 /// What is measured of every flight: column and where it comes from.
-pub const FIGURES: [(&str, Figure); 29] = [
+pub const FIGURES: [(&str, Figure); 28] = [
     ("touchdown_time_s", |r, _| r.touchdown.map(|t| t.time_s)),
     ("touchdown_vertical_speed_m_s", |r, _| r.touchdown.map(|t| t.vertical_speed_m_s)),
     ("touchdown_lateral_speed_m_s", |r, _| r.touchdown.map(|t| t.lateral_speed_m_s)),
@@ -66,13 +67,12 @@ pub const FIGURES: [(&str, Figure); 29] = [
     ("nitrogen_rcs_kg", |r, _| Some(r.propellant.nitrogen_rcs_kg)),
     ("measurements_rejected", |_, f| Some(f.estimate().health.rejected as f64)),
     ("filter_resets", |_, f| Some(f.estimate().health.resets as f64)),
-    ("saturations", |r, _| Some(count(r, "saturated"))),
-    ("aborts", |r, _| Some(count(r, "abort:"))),
-    ("redlines", |r, _| Some(count(r, "redline:"))),
+    ("saturations", |r, _| Some(count(r, |kind| *kind == EventKind::Saturated))),
+    ("aborts", |r, _| Some(count(r, EventKind::is_abort))),
 ];
 
-fn count(report: &Report, name: &str) -> f64 {
-    report.events.iter().filter(|event| event.name.starts_with(name)).count() as f64
+fn count(report: &Report, is: fn(&EventKind) -> bool) -> f64 {
+    report.events.iter().filter(|event| is(&event.kind)).count() as f64
 }
 
 impl Row {
@@ -142,12 +142,13 @@ fn cause(report: &Report) -> String {
         return bare.unwrap_or(&failed.name).to_owned();
     }
     // What went before a bad end, if anything did.
-    let before = report.events.iter().find(|event| {
-        event.name.starts_with("abort:")
-            || ["nitrous_depleted", "fuel_burn_through", "bottle_low"].contains(&event.name.as_str())
-    });
+    let explains = |kind: &EventKind| {
+        use EventKind::{BottleLow, FuelBurnThrough, NitrousDepleted};
+        kind.is_abort() || matches!(kind, NitrousDepleted | FuelBurnThrough | BottleLow)
+    };
+    let before = report.events.iter().find(|event| explains(&event.kind));
     let outcome = outcome(report);
-    before.map_or(outcome.clone(), |event| format!("{outcome} ({})", event.name))
+    before.map_or(outcome.clone(), |event| format!("{outcome} ({})", event.kind))
 }
 
 /// A table on disk that grows by whole lines.

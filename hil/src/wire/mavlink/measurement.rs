@@ -3,6 +3,7 @@
 //! Units as flight controllers read them: pressure in hPa, magnetic field in gauss, `eph`/`epv` of HIL_GPS
 //! as accuracy in cm although the message's text says dilution, accelerations of HIL_STATE_QUATERNION in mg.
 
+use hopbench::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use hopbench::frame::Vec3;
 use hopbench::signal::{
     AltimeterSample, BarometerSample, BrokenImu, GnssFix, ImuSample, Measurement, Pressures, TrackingSample,
@@ -21,8 +22,6 @@ const UPDATED_BAROMETER: u32 = 0x1A00;
 const RESET: u32 = 1 << 31;
 const CELSIUS_ZERO_K: f64 = 273.15;
 const TESLA_PER_GAUSS: f64 = 1e-4;
-/// Standard gravity, for accelerations in mg.
-const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 /// DISTANCE_SENSOR: valid, and invalid though sent.
 const QUALITY_GOOD: u8 = 100;
 const QUALITY_INVALID: u8 = 1;
