@@ -13,11 +13,9 @@ use std::time::Duration;
 
 use crate::bench::pace::{Distribution, now_ns, sleep_until_ns};
 use crate::bench::realtime::spawn_ordinary;
+use crate::wire::mavlink::frame_bytes;
 
 const ECHO_EVERY_NS: u64 = 10_000_000;
-/// Frame lengths on the wire (byte).
-const SENSOR_BYTES: usize = 77;
-const CONTROLS_BYTES: usize = 93;
 /// An echo that takes longer is lost.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -84,13 +82,13 @@ fn sleep(step_ns: u64, stop: &AtomicBool) -> Distribution {
 
 fn ask(near: &UdpSocket, stop: &AtomicBool) -> Distribution {
     let mut took = Distribution::new();
-    let (mut number, mut buffer) = (0u64, [0; CONTROLS_BYTES]);
+    let (mut number, mut buffer) = (0u64, [0; frame_bytes::HIL_ACTUATOR_CONTROLS]);
     let mut due_ns = now_ns();
     while !stop.load(Ordering::Relaxed) {
         due_ns = (due_ns + ECHO_EVERY_NS).max(now_ns());
         sleep_until_ns(due_ns);
         number += 1;
-        let mut question = [0; SENSOR_BYTES];
+        let mut question = [0; frame_bytes::HIL_SENSOR];
         question[..8].copy_from_slice(&number.to_le_bytes());
         let start_ns = now_ns();
         if near.send(&question).is_err() {
@@ -108,7 +106,7 @@ fn ask(near: &UdpSocket, stop: &AtomicBool) -> Distribution {
 }
 
 fn answer(far: &UdpSocket, stop: &AtomicBool) {
-    let mut buffer = [0; CONTROLS_BYTES];
+    let mut buffer = [0; frame_bytes::HIL_ACTUATOR_CONTROLS];
     while !stop.load(Ordering::Relaxed) {
         if far.recv(&mut buffer).is_ok() {
             let _ = far.send(&buffer);

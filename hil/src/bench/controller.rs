@@ -9,14 +9,9 @@ use super::{Bench, Stage};
 use crate::bench::pace::now_ns;
 use crate::wire::disruption::Sample;
 use crate::wire::link::Notice;
-use crate::wire::mavlink::{ControlsFrame, Heartbeat, MODE_HIL};
-
-/// MAV_COMP_ID_AUTOPILOT1
-const AUTOPILOT_COMPONENT: u8 = 1;
-/// MAV_AUTOPILOT_PX4
-const AUTOPILOT_PX4: u8 = 12;
-/// MAV_AUTOPILOT_INVALID: a component that is no flight controller.
-const AUTOPILOT_INVALID: u8 = 8;
+use crate::wire::mavlink::{
+    AUTOPILOT_COMPONENT, AUTOPILOT_INVALID, AUTOPILOT_PX4, Address, ControlsFrame, Heartbeat, MODE_HIL,
+};
 
 /// A controller's clock that goes back by more than this has been set anew; by less, the frame is an old one (us).
 const REORDERED_US: u64 = 1_000_000;
@@ -27,7 +22,7 @@ pub(super) struct FlightController {
     /// Its HEARTBEAT was heard, and whether the last one carried the HIL flag.
     pub(super) heartbeat: Option<bool>,
     /// System and component that send controls.
-    pub(super) sender: Option<(u8, u8)>,
+    pub(super) sender: Option<Address>,
     /// That controls came before the HIL flag has been said.
     pub(super) flag_missed: bool,
     /// First HIL_ACTUATOR_CONTROLS, simulated time.
@@ -65,8 +60,8 @@ pub(super) struct FlightController {
 
 impl FlightController {
     /// Where it is addressed: as whoever sends controls, and until then as autopilots are by convention.
-    pub(super) fn address(&self) -> (u8, u8) {
-        self.sender.unwrap_or((1, AUTOPILOT_COMPONENT))
+    pub(super) fn address(&self) -> Address {
+        self.sender.unwrap_or(Address { system: 1, component: AUTOPILOT_COMPONENT })
     }
 
     /// From a bad wire comes the newest sample that is there now, or would be. One that an even newer one has
@@ -129,10 +124,10 @@ impl Bench<'_> {
 
     /// Gimbals, cameras and ground stations have heartbeats too; the flight controller's is the one from
     /// whoever sends controls, and until then from the component that autopilots are by convention.
-    pub(super) fn take_heartbeat(&mut self, beat: Heartbeat, sender: (u8, u8)) {
+    pub(super) fn take_heartbeat(&mut self, beat: Heartbeat, sender: Address) {
         let ours = match self.fc.sender {
             Some(known) => sender == known,
-            None => sender.1 == AUTOPILOT_COMPONENT,
+            None => sender.component == AUTOPILOT_COMPONENT,
         };
         if ours && beat.autopilot != AUTOPILOT_INVALID {
             let in_the_loop = beat.base_mode & MODE_HIL != 0;
@@ -145,7 +140,7 @@ impl Bench<'_> {
         }
     }
 
-    pub(super) fn take_controls(&mut self, frame: &ControlsFrame, sender: (u8, u8), sequence: u8) {
+    pub(super) fn take_controls(&mut self, frame: &ControlsFrame, sender: Address, sequence: u8) {
         self.fc.sender = Some(sender);
         self.stalls.answered(frame.time_us);
         if self.fc.is_old(frame.time_us, sequence) {

@@ -15,11 +15,12 @@ use hopbench::time::SimTime;
 
 use crate::wire::link::{Link, Notice};
 use crate::wire::mavlink::telemetry::{
-    PLANT_ARRAY_ID, Sensor, attitude, extended_state, global_position, local_position, plant_array,
-    system_status, vehicle_heartbeat,
+    Sensor, attitude, extended_state, global_position, local_position, plant_array, system_status,
+    vehicle_heartbeat,
 };
-use crate::wire::mavlink::{Address, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
-use crate::wire::profile::frame_bytes;
+use crate::wire::mavlink::{
+    Address, Decoder, Encoder, Frame, LONGEST_FRAME_BYTES, MavMessage, Severity, frame_bytes, id, is_hil,
+};
 use crate::wire::reply::{ByteBudget, Reply, ReplyQueue};
 use crate::wire::stream::{Refusal, Timer};
 
@@ -31,18 +32,16 @@ const QUEUE: usize = 256;
 const DATAGRAM_BYTES: usize = 1200;
 /// Share of a serial line that is used.
 const SHARE: f64 = 0.9;
-/// STATUSTEXT
-const STATUSTEXT_ID: u32 = 253;
 
 /// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come last: they
 /// need the most room.
-const TELEMETRY: [(u32, u64, f64); 6] = [
-    (31, 100_000, 60.0),
-    (32, 100_000, 40.0),
-    (33, 100_000, 40.0),
-    (245, 500_000, 14.0),
-    (1, 1_000_000, 55.0),
-    (PLANT_ARRAY_ID, 100_000, frame_bytes::DEBUG_FLOAT_ARRAY),
+const TELEMETRY: [(u32, u64, usize); 6] = [
+    (id::ATTITUDE_QUATERNION, 100_000, frame_bytes::ATTITUDE_QUATERNION),
+    (id::LOCAL_POSITION_NED, 100_000, frame_bytes::LOCAL_POSITION_NED),
+    (id::GLOBAL_POSITION_INT, 100_000, frame_bytes::GLOBAL_POSITION_INT),
+    (id::EXTENDED_SYS_STATE, 500_000, frame_bytes::EXTENDED_SYS_STATE),
+    (id::SYS_STATUS, 1_000_000, frame_bytes::SYS_STATUS),
+    (id::DEBUG_FLOAT_ARRAY, 100_000, frame_bytes::DEBUG_FLOAT_ARRAY),
 ];
 
 /// The link and who speaks on it.
@@ -167,7 +166,8 @@ impl Ground {
         let default_us = TELEMETRY[place].1;
         let timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us }));
         let before = std::mem::replace(&mut self.telemetry[place].1, timer);
-        let bytes_s = |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2);
+        let bytes_s =
+            |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2 as f64);
         let (taken_bytes_s, left_bytes_s) = (self.telemetry_bytes_s(), self.budget.bytes_s());
         // What asks for less always fits.
         if bytes_s(timer) > bytes_s(before) && taken_bytes_s > left_bytes_s {
@@ -180,8 +180,9 @@ impl Ground {
     /// Bytes a second of heartbeat and telemetry.
     fn telemetry_bytes_s(&self) -> f64 {
         let each = self.telemetry.iter().zip(TELEMETRY);
-        let asked: f64 = each.map(|((_, timer), (.., bytes))| timer.map_or(0.0, |t| t.hz() * bytes)).sum();
-        asked + frame_bytes::HEARTBEAT
+        let asked: f64 =
+            each.map(|((_, timer), (.., bytes))| timer.map_or(0.0, |t| t.hz() * bytes as f64)).sum();
+        asked + frame_bytes::HEARTBEAT as f64
     }
 
     /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
@@ -214,7 +215,7 @@ impl Ground {
             self.budget.spend(raw.len());
             self.out.extend_from_slice(&raw);
             self.counts.forwarded_from_fc += 1;
-            if id == STATUSTEXT_ID && self.contradiction.fires(now) {
+            if id == id::STATUSTEXT && self.contradiction.fires(now) {
                 for piece in self.replies.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
                     self.put(&piece);
                 }
@@ -234,11 +235,11 @@ impl Ground {
         }
         let (now, time_us) = (view.flight.snapshot(), view.time_us);
         let message = match id {
-            31 => attitude(now, time_us),
-            32 => local_position(now, time_us),
-            33 => global_position(now, view.datum, time_us),
-            245 => extended_state(now),
-            PLANT_ARRAY_ID => plant_array(now, time_us),
+            id::ATTITUDE_QUATERNION => attitude(now, time_us),
+            id::LOCAL_POSITION_NED => local_position(now, time_us),
+            id::GLOBAL_POSITION_INT => global_position(now, view.datum, time_us),
+            id::EXTENDED_SYS_STATE => extended_state(now),
+            id::DEBUG_FLOAT_ARRAY => plant_array(now, time_us),
             _ => system_status(&faulty(view.flight)),
         };
         self.put(&message);
@@ -253,7 +254,7 @@ impl Ground {
     }
 
     fn put_with(&mut self, encode: impl FnOnce(&mut Encoder, &mut Vec<u8>)) {
-        self.room_for(280);
+        self.room_for(LONGEST_FRAME_BYTES);
         let before = self.out.len();
         encode(&mut self.encoder, &mut self.out);
         self.budget.spend(self.out.len() - before);

@@ -42,13 +42,15 @@ use hopbench::time::SimTime;
 use crate::bench::ground::Ground;
 use crate::bench::live::Live;
 use crate::bench::pace::{RealTime, now_ns};
+use crate::bench::pilot::scale;
 use crate::bench::planner::Planner;
 use crate::wire::disruption::{Disruption, Sample};
 use crate::wire::link::Link;
-use crate::wire::mavlink::measurement::TrueState;
 use crate::wire::mavlink::{Decoder, FromFc};
 use crate::wire::profile::{Heartbeat, Pacing, Profile, SensorRates};
 use crate::wire::stream::Streams;
+
+pub use pilot::Belief;
 
 use controller::FlightController;
 use figures::Figures;
@@ -74,21 +76,6 @@ pub struct Options {
     pub source: Source,
     /// Symbols a second, where the link has such a rate.
     pub baud: Option<u32>,
-}
-
-/// What the autopilot at the other end of the built-in link believes, for the report.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Belief {
-    /// Phase of the mission.
-    pub phase: &'static str,
-    /// Where it wants it to be (m).
-    pub reference_ned_m: hopbench::frame::Vec3,
-    /// Where it takes it to be (m).
-    pub estimate_ned_m: hopbench::frame::Vec3,
-    /// Whether and why it has given the mission up.
-    pub abort: Option<hopbench::autopilot::abort::Abort>,
-    /// On the wire, when it was made.
-    pub time: SimTime,
 }
 
 /// One run on one link.
@@ -139,12 +126,7 @@ impl<'a> Bench<'a> {
         let datum =
             Datum::new(site.latitude_deg.to_radians(), site.longitude_deg.to_radians(), site.altitude_m);
         let step_us = (flight.step_s() * 1e6).round() as u64;
-        let sensors = &scenario.vehicle.sensors;
-        let rates = SensorRates {
-            imu_hz: flight.instruments().imu_rate_hz.unwrap_or(sensors.imu.rate_hz),
-            gnss_hz: sensors.gnss.rate_hz,
-            altimeter_hz: sensors.altimeter.rate_hz,
-        };
+        let rates = SensorRates::of(&scenario.vehicle.sensors, flight.instruments().imu_rate_hz);
         Self {
             services: Services::new(options.profile, &rates, options.baud),
             ground: None,
@@ -416,8 +398,7 @@ impl<'a> Bench<'a> {
             return;
         }
         let (time, on_wire) = (self.flight.time(), self.wire_time());
-        let (flight, datum) = (&*self.flight, &self.datum);
-        self.streams.put_truth(on_wire, || true_state(flight, datum));
+        self.streams.put_truth(on_wire, self.flight.snapshot(), &self.datum);
         if let Some(measurement) = self.flight.measurement() {
             (self.sample, self.sampled) = (time.since(self.sampled), time);
             let mut measurement = measurement.clone();
@@ -483,37 +464,12 @@ impl<'a> Bench<'a> {
             }
         }) {
             let said = frame.from_fc();
-            let sender = (frame.system_id, frame.component_id);
+            let sender = frame.sender;
             match &said {
                 FromFc::Controls(controls) => self.take_controls(controls, sender, frame.sequence),
                 FromFc::Heartbeat(beat) => self.take_heartbeat(*beat, sender),
                 _ => self.take_request(&said),
             }
         }
-    }
-}
-
-/// What a normalised command is worth on the scenario's vehicle.
-pub fn scale(scenario: &Scenario) -> Scale {
-    let vehicle = &scenario.vehicle;
-    Scale {
-        thrust_rated_n: vehicle.rating.thrust_rated_n,
-        valve_open_rad: vehicle.valve_servo.upper_rad,
-        gimbal_limit_rad: vehicle.gimbal.limit_rad,
-    }
-}
-
-fn true_state(flight: &Flight, datum: &Datum) -> TrueState {
-    let now = flight.snapshot();
-    let place = datum.geodetic(&now.position_ned_m);
-    TrueState {
-        q_ned_from_body: now.q_ned_from_body,
-        rate_body_rad_s: now.rate_body_rad_s,
-        latitude_rad: place.latitude_rad,
-        longitude_rad: place.longitude_rad,
-        altitude_m: place.altitude_m,
-        velocity_ned_m_s: now.velocity_ned_m_s,
-        airspeed_m_s: (now.velocity_ned_m_s - now.wind_ned_m_s).norm(),
-        specific_force_body_m_s2: now.specific_force_body_m_s2,
     }
 }

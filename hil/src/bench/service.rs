@@ -33,8 +33,8 @@ use crate::bench::parameter::{Parameter, What, as_typed, parameters};
 use crate::wire::disruption::Disruption;
 use crate::wire::link::{Hold, Notice};
 use crate::wire::mavlink::{
-    Command, FromFc, GUIDED_ENABLE, INJECT_FAILURE, MavMessage, PAUSE_CONTINUE, REBOOT, RESULT_ACCEPTED,
-    RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL, Severity, Which, parameter_value,
+    Command, FromFc, GUIDED_ENABLE, INJECT_FAILURE, MavMessage, PAUSE_CONTINUE, ParameterKey, REBOOT,
+    RESULT_ACCEPTED, RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL, Severity, parameter_value,
 };
 use crate::wire::profile::{Profile, SensorRates};
 use crate::wire::reply::{ByteBudget, ReplyQueue};
@@ -468,7 +468,7 @@ impl Bench<'_> {
                     replies.list_parameters();
                 }
             }
-            FromFc::ParameterRead(_, Which::Index(index)) => match self.parameter_message(*index) {
+            FromFc::ParameterRead(_, ParameterKey::Index(index)) => match self.parameter_message(*index) {
                 Some(message) => self.say(port, message),
                 None => self.tell(
                     port,
@@ -476,7 +476,7 @@ impl Bench<'_> {
                     &format!("no parameter {index}; there are {}", self.services.parameters.len()),
                 ),
             },
-            FromFc::ParameterRead(_, Which::Name(name)) => {
+            FromFc::ParameterRead(_, ParameterKey::Name(name)) => {
                 if let Some(index) = self.place(name, port) {
                     self.say_parameter(port, index);
                 }

@@ -3,14 +3,18 @@
 //! Units as flight controllers read them: pressure in hPa, magnetic field in gauss, `eph`/`epv` of HIL_GPS
 //! as accuracy in cm although the message's text says dilution, accelerations of HIL_STATE_QUATERNION in mg.
 
+use ::mavlink::dialects::common as dialect;
+use ::mavlink::dialects::common::MavMessage;
+use hopbench::environment::geodesy::Datum;
 use hopbench::frame::Vec3;
+use hopbench::plant::Snapshot;
 use hopbench::signal::{
     AltimeterSample, BarometerSample, BrokenImu, GnssFix, ImuSample, Measurement, Pressures, TrackingSample,
 };
 use hopbench::time::SimTime;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::{MavMessage, dialect, milliseconds};
+use super::message::milliseconds;
 
 const UPDATED_ACCELEROMETER: u32 = 0x7;
 const UPDATED_GYROSCOPE: u32 = 0x38;
@@ -26,27 +30,6 @@ const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 /// DISTANCE_SENSOR: valid, and invalid though sent.
 const QUALITY_GOOD: u8 = 100;
 const QUALITY_INVALID: u8 = 1;
-
-/// True state of the vehicle, for HIL_STATE_QUATERNION only.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrueState {
-    /// Attitude.
-    pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate (rad/s).
-    pub rate_body_rad_s: Vec3,
-    /// Latitude (rad).
-    pub latitude_rad: f64,
-    /// Longitude (rad).
-    pub longitude_rad: f64,
-    /// Height above mean sea level (m).
-    pub altitude_m: f64,
-    /// Velocity over ground (m/s).
-    pub velocity_ned_m_s: Vec3,
-    /// Speed through the air (m/s).
-    pub airspeed_m_s: f64,
-    /// Specific force, body FRD (m/s²).
-    pub specific_force_body_m_s2: Vec3,
-}
 
 /// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The beat goes
 /// on when the unit has nothing to tell; then the mask says so.
@@ -186,25 +169,26 @@ pub fn pressure(name: &str, pressure_pa: f64, time_us: u64) -> MavMessage {
     })
 }
 
-/// HIL_STATE_QUATERNION
-pub fn hil_state_quaternion(state: &TrueState, time_us: u64) -> MavMessage {
-    let q = state.q_ned_from_body;
-    let (rate, v) = (state.rate_body_rad_s, state.velocity_ned_m_s);
-    let acceleration_mg = state.specific_force_body_m_s2 / STANDARD_GRAVITY_M_S2 * 1e3; // m/s² -> mg
+/// HIL_STATE_QUATERNION: the true state of the gimbal pivot.
+pub fn hil_state_quaternion(now: &Snapshot, datum: &Datum, time_us: u64) -> MavMessage {
+    let (q, place) = (now.q_ned_from_body, datum.geodetic(&now.position_ned_m));
+    let (rate, v) = (now.rate_body_rad_s, now.velocity_ned_m_s);
+    let airspeed_m_s = (now.velocity_ned_m_s - now.wind_ned_m_s).norm();
+    let acceleration_mg = now.specific_force_body_m_s2 / STANDARD_GRAVITY_M_S2 * 1e3; // m/s² -> mg
     MavMessage::HIL_STATE_QUATERNION(dialect::HIL_STATE_QUATERNION_DATA {
         time_usec: time_us,
         attitude_quaternion: [q.w, q.i, q.j, q.k].map(|c| c as f32),
         rollspeed: rate.x as f32,
         pitchspeed: rate.y as f32,
         yawspeed: rate.z as f32,
-        lat: deg_e7(state.latitude_rad),
-        lon: deg_e7(state.longitude_rad),
-        alt: (state.altitude_m * 1e3).round() as i32, // m -> mm
+        lat: deg_e7(place.latitude_rad),
+        lon: deg_e7(place.longitude_rad),
+        alt: (place.altitude_m * 1e3).round() as i32, // m -> mm
         vx: centi_i16(v.x),
         vy: centi_i16(v.y),
         vz: centi_i16(v.z),
-        ind_airspeed: centi_u16(state.airspeed_m_s),
-        true_airspeed: centi_u16(state.airspeed_m_s),
+        ind_airspeed: centi_u16(airspeed_m_s),
+        true_airspeed: centi_u16(airspeed_m_s),
         xacc: acceleration_mg.x.round() as i16,
         yacc: acceleration_mg.y.round() as i16,
         zacc: acceleration_mg.z.round() as i16,
