@@ -19,9 +19,10 @@ use crate::wire::mavlink::telemetry::{
     vehicle_heartbeat,
 };
 use crate::wire::mavlink::{
-    Address, Decoder, Encoder, Frame, LONGEST_FRAME_BYTES, MavMessage, Severity, frame_bytes, id, is_hil,
+    Address, Decoder, Encoder, LONGEST_FRAME_BYTES, MavMessage, frame_bytes, id, is_hil,
 };
-use crate::wire::reply::{ByteBudget, Reply, ReplyQueue};
+use crate::wire::reply::{ByteBudget, ParameterValue, Reply, ReplyQueue, Severity};
+use crate::wire::request::{Inquiry, inquiry};
 use crate::wire::stream::{Refusal, Timer};
 
 /// Who the bench is to a ground station.
@@ -66,7 +67,7 @@ pub struct Ground {
 #[derive(Clone, Debug, PartialEq)]
 pub enum FromGround {
     /// For the bench.
-    Request(Frame),
+    Inquiry(Inquiry),
     /// For the flight controller, as it came.
     Forward(Vec<u8>),
 }
@@ -138,8 +139,10 @@ impl Ground {
             if !is_hil(id) && target != GROUND_ADDRESS.system {
                 heard.push(FromGround::Forward(raw));
             }
-            if target == GROUND_ADDRESS.system || target == 0 {
-                heard.push(FromGround::Request(frame));
+            let inquiry = inquiry(frame.from_fc());
+            // What is for everybody is the flight controller's to answer, but for the list of parameters.
+            if target == GROUND_ADDRESS.system || (target == 0 && inquiry == Some(Inquiry::ParameterList)) {
+                heard.extend(inquiry.map(FromGround::Inquiry));
             }
         }
         (heard, notices)
@@ -186,7 +189,12 @@ impl Ground {
     }
 
     /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
-    pub fn speak(&mut self, now_ns: u64, view: &View, parameter: impl Fn(u16) -> Option<MavMessage>) {
+    pub fn speak<'a>(
+        &mut self,
+        now_ns: u64,
+        view: &View,
+        parameter: impl Fn(u16) -> Option<ParameterValue<'a>>,
+    ) {
         if !self.link.has_peer() {
             self.from_fc.clear();
             self.out.clear();
@@ -197,12 +205,12 @@ impl Ground {
             self.put(&vehicle_heartbeat(view.is_armed));
         }
         if self.banner.fires(now) {
-            self.replies.tell(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight));
+            self.replies.tell(Severity::Notice, &banner(view.flight));
         }
         while self.budget.is_open(now_ns)
-            && let Some(said) = self.replies.next(&parameter)
+            && let Some(reply) = self.replies.next(&parameter)
         {
-            self.put_said(&said);
+            self.put_reply(&reply);
         }
         let last = self.telemetry.len() - 1;
         for i in 0..last {
@@ -216,7 +224,7 @@ impl Ground {
             self.out.extend_from_slice(&raw);
             self.counts.forwarded_from_fc += 1;
             if id == id::STATUSTEXT && self.contradiction.fires(now) {
-                for piece in self.replies.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
+                for piece in self.replies.pieces(Severity::Notice, &banner(view.flight)) {
                     self.put(&piece);
                 }
             }
@@ -249,8 +257,8 @@ impl Ground {
         self.put_with(|encoder, out| encoder.encode(message, out));
     }
 
-    fn put_said(&mut self, said: &Reply) {
-        self.put_with(|encoder, out| said.encode(encoder, out));
+    fn put_reply(&mut self, reply: &Reply) {
+        self.put_with(|encoder, out| reply.encode(encoder, out));
     }
 
     fn put_with(&mut self, encode: impl FnOnce(&mut Encoder, &mut Vec<u8>)) {
@@ -271,9 +279,9 @@ impl Ground {
         self.out.clear();
     }
 
-    /// A frame reached the flight controller's wire.
-    pub fn note_forwarded(&mut self) {
-        self.counts.forwarded_to_fc += 1;
+    /// So many frames reached the flight controller's wire.
+    pub(super) fn note_forwarded(&mut self, frames: u64) {
+        self.counts.forwarded_to_fc += frames;
     }
 
     /// A frame for the flight controller found no room.

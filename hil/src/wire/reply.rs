@@ -1,9 +1,13 @@
-//! What is said besides the streams: answers, parameter lists, texts. It waits its turn and keeps within an allowance
-//! of bytes, so that no list of parameters delays a sample.
+//! Replies: acknowledgements, parameters, texts. They wait their turn and keep within a budget of bytes, so that no list
+//! of parameters delays a sample.
 
 use std::collections::VecDeque;
 
-use crate::wire::mavlink::{Command, Encoder, MavMessage, Severity, status_text};
+use crate::wire::mavlink::{
+    self, Command, Encoder, MavMessage, RESULT_ACCEPTED, RESULT_DENIED, RESULT_UNSUPPORTED, parameter_value,
+    status_text,
+};
+use crate::wire::request::{Answer, Receipt, Rejection};
 
 /// Messages that wait; what comes on top is dropped and counted.
 const QUEUE: usize = 256;
@@ -57,7 +61,35 @@ impl ByteBudget {
     }
 }
 
-/// What is said at a desk.
+/// How grave a text is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// For who wants to know.
+    Info,
+    /// Unusual.
+    Notice,
+    /// May go wrong.
+    Warning,
+    /// Has gone wrong.
+    Error,
+    /// The flight is in danger.
+    Critical,
+}
+
+/// One parameter and the value in force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParameterValue<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// In force.
+    pub value: f64,
+    /// Place in the list.
+    pub index: u16,
+    /// Length of the list.
+    pub count: u16,
+}
+
+/// One reply.
 #[derive(Clone, Debug)]
 pub enum Reply {
     /// A message of the dialect.
@@ -76,7 +108,7 @@ impl Reply {
     }
 }
 
-/// One end of a link at which requests are answered.
+/// Replies to one other end that wait to be sent.
 #[derive(Debug, Default)]
 pub struct ReplyQueue {
     waiting: VecDeque<Reply>,
@@ -87,33 +119,45 @@ pub struct ReplyQueue {
 }
 
 impl ReplyQueue {
-    /// Says this when its turn comes.
-    pub fn say(&mut self, message: MavMessage) {
-        self.queue(Reply::Message(Box::new(message)));
+    /// The value of one parameter.
+    pub fn tell_parameter(&mut self, parameter: &ParameterValue) {
+        self.push(parameter_reply(parameter));
     }
 
-    /// Answers a command with a MAV_RESULT.
-    pub fn acknowledge(&mut self, command: &Command, result: u8) {
-        self.queue(Reply::Ack(*command, result));
+    /// Acknowledges a command.
+    pub fn acknowledge(&mut self, receipt: &Receipt, answer: &Answer) {
+        let result = match answer {
+            Ok(()) => RESULT_ACCEPTED,
+            Err(Rejection::Denied(_)) => RESULT_DENIED,
+            Err(Rejection::Unsupported(_)) => RESULT_UNSUPPORTED,
+        };
+        self.push(Reply::Ack(receipt.0, result));
     }
 
-    fn queue(&mut self, said: Reply) {
+    fn push(&mut self, reply: Reply) {
         if self.waiting.len() < QUEUE {
-            self.waiting.push_back(said);
+            self.waiting.push_back(reply);
         } else {
             self.dropped += 1;
         }
     }
 
-    /// Says a text, in pieces where it is long.
+    /// A text, in pieces where it is long.
     pub fn tell(&mut self, severity: Severity, text: &str) {
         for piece in self.pieces(severity, text) {
-            self.say(piece);
+            self.push(Reply::Message(Box::new(piece)));
         }
     }
 
-    /// A text in pieces, for whoever says it out of turn.
-    pub fn pieces(&mut self, severity: Severity, text: &str) -> Vec<MavMessage> {
+    /// A text in pieces, for whoever sends it out of turn.
+    pub(crate) fn pieces(&mut self, severity: Severity, text: &str) -> Vec<MavMessage> {
+        let severity = match severity {
+            Severity::Info => mavlink::Severity::MAV_SEVERITY_INFO,
+            Severity::Notice => mavlink::Severity::MAV_SEVERITY_NOTICE,
+            Severity::Warning => mavlink::Severity::MAV_SEVERITY_WARNING,
+            Severity::Error => mavlink::Severity::MAV_SEVERITY_ERROR,
+            Severity::Critical => mavlink::Severity::MAV_SEVERITY_CRITICAL,
+        };
         self.text_id = self.text_id.wrapping_add(1);
         status_text(severity, text, self.text_id)
     }
@@ -124,14 +168,13 @@ impl ReplyQueue {
     }
 
     /// What is to be sent next. `parameter` gives an entry of the list, `None` behind its end.
-    pub fn next(&mut self, parameter: impl FnOnce(u16) -> Option<MavMessage>) -> Option<Reply> {
-        if let Some(said) = self.waiting.pop_front() {
-            return Some(said);
+    pub fn next<'a>(&mut self, parameter: impl FnOnce(u16) -> Option<ParameterValue<'a>>) -> Option<Reply> {
+        if let Some(reply) = self.waiting.pop_front() {
+            return Some(reply);
         }
-        let index = self.listing?;
-        let message = parameter(index);
-        self.listing = message.is_some().then_some(index + 1);
-        message.map(|message| Reply::Message(Box::new(message)))
+        let entry = parameter(self.listing?);
+        self.listing = entry.and_then(|entry| entry.index.checked_add(1));
+        entry.map(|entry| parameter_reply(&entry))
     }
 
     /// Messages that found no room.
@@ -140,14 +183,18 @@ impl ReplyQueue {
     }
 }
 
+fn parameter_reply(parameter: &ParameterValue) -> Reply {
+    let ParameterValue { name, value, index, count } = *parameter;
+    Reply::Message(Box::new(parameter_value(name, value, index, count)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::mavlink::heartbeat;
 
     /// 9216 byte/s for a second, asked every millisecond, in frames of 37 bytes.
     #[test]
-    fn an_allowance_is_kept_to_a_frame_and_a_burst() {
+    fn a_budget_is_kept_to_a_frame_and_a_burst() {
         let mut budget = ByteBudget::new(9216.0);
         let mut spent = 0;
         for ms in 0..=1000 {
@@ -170,19 +217,21 @@ mod tests {
     fn a_list_comes_after_what_waits_and_ends() {
         let mut replies = ReplyQueue::default();
         replies.list_parameters();
-        replies.say(heartbeat(0));
-        let entry = |i: u16| (i < 3).then(|| crate::wire::mavlink::parameter_value("X", f64::from(i), i, 3));
-        let said: Vec<_> = std::iter::from_fn(|| replies.next(entry)).collect();
-        assert_eq!(said.len(), 4);
-        assert!(matches!(&said[0], Reply::Message(m) if matches!(**m, MavMessage::HEARTBEAT(_))));
-        let Reply::Message(last) = &said[3] else { panic!("{:?}", said[3]) };
+        replies.tell(Severity::Info, "first");
+        let entry = |index: u16| {
+            (index < 3).then(|| ParameterValue { name: "X", value: f64::from(index), index, count: 3 })
+        };
+        let sent: Vec<_> = std::iter::from_fn(|| replies.next(entry)).collect();
+        assert_eq!(sent.len(), 4);
+        assert!(matches!(&sent[0], Reply::Message(m) if matches!(**m, MavMessage::STATUSTEXT(_))));
+        let Reply::Message(last) = &sent[3] else { panic!("{:?}", sent[3]) };
         assert!(matches!(&**last, MavMessage::PARAM_VALUE(data) if data.param_index == 2));
     }
 
     #[test]
     fn what_finds_no_room_is_counted() {
         let mut replies = ReplyQueue::default();
-        (0..300).for_each(|_| replies.say(heartbeat(0)));
+        (0..300).for_each(|_| replies.tell(Severity::Info, "again"));
         assert_eq!(replies.dropped(), 300 - QUEUE as u64);
     }
 }

@@ -17,6 +17,9 @@ use crate::wire::mavlink::{Address, Encoder, MavMessage, frame_bytes, heartbeat,
 use crate::wire::profile::{Heartbeat, Profile};
 use crate::wire::reply::Reply;
 
+/// Texts: a flight controller that asks for them hears of events.
+pub const TEXTS: u32 = id::STATUSTEXT;
+
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
 pub const ADDRESS: Address = Address { system: 1, component: 200 };
 
@@ -166,10 +169,10 @@ impl Streams {
         self.put(&reset_mark(now.us()));
     }
 
-    /// Anything else that is said; its length on the wire.
-    pub fn put_service(&mut self, said: &Reply) -> usize {
+    /// A reply; its length on the wire.
+    pub fn put_reply(&mut self, reply: &Reply) -> usize {
         let before = self.bytes.len();
-        said.encode(&mut self.encoder, &mut self.bytes);
+        reply.encode(&mut self.encoder, &mut self.bytes);
         self.bytes.len() - before
     }
 
