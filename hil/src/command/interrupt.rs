@@ -8,7 +8,7 @@ use anyhow::Result;
 use super::INTERRUPTED;
 
 /// Set by Ctrl-C and by SIGTERM: the run ends with its report. A second one ends the program at once.
-pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+pub(super) fn stop_on_signal() -> Result<Arc<AtomicBool>> {
     use tokio::signal::unix::{SignalKind, signal};
     let stop = Arc::new(AtomicBool::new(false));
     let set = Arc::clone(&stop);
