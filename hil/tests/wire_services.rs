@@ -409,7 +409,7 @@ fn watched(options: Options, play: impl FnOnce(&mut Fc, &mut Station)) -> Report
     std::thread::scope(|threads| {
         let bench = threads.spawn(|| {
             let mut ground = Ground::new(ground_near, None);
-            Bench::new(&mut flight, &mut near, options, Live::silent()).watched(&mut ground).run(&stop);
+            Bench::new(&mut flight, &mut near, options, Live::silent()).with_ground(&mut ground).run(&stop);
             let mut report = flight.report(true);
             report.ground = Some(ground.figures());
             report

@@ -45,7 +45,7 @@ fn run(options: Options, burden: impl Fn() + Sync, fc: impl FnOnce(&mut Link)) -
                 burden();
                 None
             };
-            Bench::new(&mut flight, &mut near, options, Live::silent()).believing(&belief).run(&stop)
+            Bench::new(&mut flight, &mut near, options, Live::silent()).with_belief(&belief).run(&stop)
         });
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| fc(&mut far)));
         stop.store(true, Ordering::Relaxed);

@@ -117,8 +117,9 @@ impl FlightController {
 
     /// Its HEARTBEAT. `is_told`: the bench's services are open to it.
     pub(super) fn take_status(&mut self, status: Status, is_told: bool) {
-        // A PX4 on a board keeps its outputs live until it is told otherwise, whatever the link; in software it has none.
-        // Out of the loop it sends no HIL_ACTUATOR_CONTROLS: after the first a stray frame does not stop the flight.
+        // A PX4 on a board keeps its outputs live until it is told otherwise, whatever the link; in software it has
+        // none. Out of the loop it sends no HIL_ACTUATOR_CONTROLS: after the first a stray frame does not stop the
+        // flight.
         self.may_be_live |= is_told && status.is_px4 && self.first.is_none();
         self.left_the_loop = self.may_be_live && !status.in_the_loop;
         self.heartbeat = Some(status.in_the_loop);
@@ -280,8 +281,8 @@ impl FlightController {
         self.patience(sample_interval).saturating_sub(self.waited)
     }
 
-    /// Whether controls have been overtaken or have come before: a wire may reorder and repeat. Without a time the counter
-    /// alone tells a repetition.
+    /// Whether controls have been overtaken or have come before: a wire may reorder and repeat. Without a time the
+    /// counter alone tells a repetition.
     pub(super) fn is_old(&self, controls: &ControlsInput) -> bool {
         let ControlsInput { time_us, sequence, .. } = *controls;
         match self.last {

@@ -24,7 +24,7 @@ pub(super) struct Figures {
 #[derive(Debug)]
 struct Samples {
     /// By the millisecond of their time within the second, which is what the echo channel holds.
-    sent: Vec<Sent>,
+    sent: Vec<SentSample>,
     /// No controls have come since the last.
     unanswered: bool,
     /// What the echo channel held last; a channel that never changes is no echo.
@@ -34,7 +34,7 @@ struct Samples {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Sent {
+struct SentSample {
     time_us: u64,
     left_ns: u64,
     answered: bool,
@@ -59,7 +59,7 @@ impl Figures {
             echo: Distribution::new(),
             steps: 0,
             samples: Samples {
-                sent: vec![Sent::default(); 1000],
+                sent: vec![SentSample::default(); 1000],
                 unanswered: false,
                 last_echo_ms: None,
                 echoed_us: 0,
@@ -81,7 +81,7 @@ impl Figures {
 
     /// The sample of this time on the wire has left.
     pub(super) fn note_sent(&mut self, time_us: u64) {
-        let sent = Sent { time_us, left_ns: now_ns(), answered: false };
+        let sent = SentSample { time_us, left_ns: now_ns(), answered: false };
         self.samples.sent[(time_us / 1000) as usize % 1000] = sent;
         self.samples.unanswered = true;
     }
@@ -91,8 +91,8 @@ impl Figures {
         self.samples.unanswered
     }
 
-    /// HIL_ACTUATOR_CONTROLS has come: `time_us` is its time stamp, `echo_ms` what its echo channel holds. A silence longer
-    /// than `gap_ns` before it is a gap.
+    /// HIL_ACTUATOR_CONTROLS has come: `time_us` is its time stamp, `echo_ms` what its echo channel holds. A
+    /// silence longer than `gap_ns` before it is a gap.
     pub(super) fn note_controls(&mut self, time_us: u64, echo_ms: Option<u64>, gap_ns: u64) {
         let now_ns = now_ns();
         self.silences.end(now_ns, gap_ns);

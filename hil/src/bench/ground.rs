@@ -1,9 +1,9 @@
 //! The ground station's link: telemetry of the true vehicle, answers, and the flight controller's traffic both ways.
 //!
-//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins with SIMULATED,
-//! so that nobody takes it for the flight controller or for a real vehicle. The controller's frames pass as they came,
-//! byte for byte, unknown and signed ones too; messages of the simulation loop (HIL_*) never pass, in either direction.
-//! Telemetry is for people: it follows the wall clock, and goes on while simulated time stands.
+//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins with
+//! SIMULATED, so that nobody takes it for the flight controller or for a real vehicle. The controller's frames pass
+//! as they came, byte for byte, unknown and signed ones too; messages of the simulation loop (HIL_*) never pass, in
+//! either direction. Telemetry is for people: it follows the wall clock, and goes on while simulated time stands.
 
 use std::collections::VecDeque;
 

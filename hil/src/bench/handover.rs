@@ -32,8 +32,8 @@ struct Change {
     velocity_ned_m_s: Vec3,
     command: ActuatorCommand,
     thrust_command_n: f64,
-    /// The first command of whoever took over: made, and taken in by the plant.
-    first: First,
+    /// Of whoever took over.
+    first: FirstCommand,
 }
 
 /// What was in force when the controls changed hands.
@@ -46,11 +46,12 @@ pub(super) struct Situation<'a> {
     pub(super) heard_ns: u64,
 }
 
+/// The first command of whoever took over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum First {
+enum FirstCommand {
     Awaited,
-    Made,
-    TakenIn,
+    Issued,
+    InEffect,
 }
 
 impl HandoverMonitor {
@@ -71,8 +72,8 @@ impl HandoverMonitor {
         change.record.after.take(&unrest);
         let speed_change_m_s = (now.velocity_ned_m_s - change.velocity_ned_m_s).norm();
         change.record.speed_change_m_s = change.record.speed_change_m_s.max(speed_change_m_s);
-        if change.first == First::Made {
-            change.first = First::TakenIn;
+        if change.first == FirstCommand::Issued {
+            change.first = FirstCommand::InEffect;
             change.record.thrust_step_n = now.thrust_command_n - change.thrust_command_n;
         }
         (now.time.since(change.at) >= SPAN).then(|| self.change.take()).flatten().map(|change| change.record)
@@ -87,8 +88,8 @@ impl HandoverMonitor {
 
     /// Who took over has made a command.
     pub(super) fn commanded(&mut self, command: &ActuatorCommand, now: SimTime) {
-        if let Some(change) = self.change.as_mut().filter(|change| change.first == First::Awaited) {
-            change.first = First::Made;
+        if let Some(change) = self.change.as_mut().filter(|change| change.first == FirstCommand::Awaited) {
+            change.first = FirstCommand::Issued;
             change.record.silence_ms += now.since(change.at).s() * 1e3;
             change.record.silence_wall_ms += now_ns().saturating_sub(change.at_ns) as f64 * 1e-6;
             let [x, y] = [
@@ -122,7 +123,7 @@ impl HandoverMonitor {
             velocity_ned_m_s: now.velocity_ned_m_s,
             command: before.command,
             thrust_command_n: now.thrust_command_n,
-            first: First::Awaited,
+            first: FirstCommand::Awaited,
         };
         self.change.replace(change).map(|overtaken| overtaken.record)
     }

@@ -108,7 +108,7 @@ impl<'a> Bench<'a> {
 
     /// Lets the report know what the autopilot at the other end believes.
     #[must_use]
-    pub fn believing(mut self, belief: &'a dyn Fn() -> Option<Belief>) -> Self {
+    pub fn with_belief(mut self, belief: &'a dyn Fn() -> Option<Belief>) -> Self {
         if self.run.options.source == Source::Autopilot {
             self.run.flight.set_flown_elsewhere();
         }
@@ -118,14 +118,14 @@ impl<'a> Bench<'a> {
 
     /// Lets a ground station watch and ask.
     #[must_use]
-    pub fn watched(mut self, ground: &'a mut Ground) -> Self {
+    pub fn with_ground(mut self, ground: &'a mut Ground) -> Self {
         self.ground = Some(ground);
         self
     }
 
     /// Goes on after a flight: it waits for the next reset, until it is stopped.
     #[must_use]
-    pub fn staying(mut self) -> Self {
+    pub fn until_stopped(mut self) -> Self {
         self.stays = true;
         self
     }

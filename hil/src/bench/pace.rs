@@ -34,9 +34,10 @@ const WORST: usize = 16;
 
 /// Simulated time tied to the monotonic clock.
 ///
-/// A step that begins more than a step late is an overrun, and every overrun is counted. Behind by up to 50 ms the run
-/// catches up: no sample is left out, they leave late. Beyond that time slips: the present becomes due now, and the length
-/// of the slip is kept. So the wall time of a run is its simulated time, its slips and what it is late by at its end.
+/// A step that begins more than a step late is an overrun, and every overrun is counted. Behind by up to 50 ms the
+/// run catches up: no sample is left out, they leave late. Beyond that time slips: the present becomes due now, and
+/// the length of the slip is kept. So the wall time of a run is its simulated time, its slips and what it is late
+/// by at its end.
 #[derive(Debug)]
 pub struct RealTime {
     origin_ns: u64,

@@ -22,7 +22,7 @@ use hopbench::time::SimTime;
 use crate::bench::planner::Planner;
 use crate::load;
 use crate::wire::link::{Link, Notice};
-use crate::wire::mavlink::measurement::{Gatherer, is_reset};
+use crate::wire::mavlink::measurement::{MeasurementReader, is_reset};
 use crate::wire::mavlink::{
     AUTOPILOT_COMPONENT, Address, ControlsFrame, Decoder, Encoder, Frame, FromFc, MODE_ARMED, MODE_HIL,
     MavMessage, RESULT_ACCEPTED, actuator_controls, heartbeat, is_reboot,
@@ -48,7 +48,7 @@ pub struct Pilot {
     planner: Planner,
     controls: Controls,
     scale: Scale,
-    gatherer: Gatherer,
+    reader: MeasurementReader,
     decoder: Decoder,
     encoder: Encoder,
     /// Frames that the link took.
@@ -130,7 +130,7 @@ impl Pilot {
             planner: Planner::start()?,
             controls,
             scale,
-            gatherer: Gatherer::default(),
+            reader: MeasurementReader::default(),
             decoder: Decoder::default(),
             encoder: Encoder::new(ADDRESS.system, ADDRESS.component),
             sent: 0,
@@ -145,7 +145,7 @@ impl Pilot {
 
     /// Stays however long its plant is silent: whoever started it says when to stop.
     #[must_use]
-    pub fn staying(mut self) -> Self {
+    pub fn until_stopped(mut self) -> Self {
         self.leaves = false;
         self
     }
@@ -170,7 +170,7 @@ impl Pilot {
                 if is_reboot(&message, ADDRESS) {
                     self.reboot(&frame, link);
                 } else if self.is_up(&message)
-                    && let Some(measurement) = self.gatherer.take(&message)
+                    && let Some(measurement) = self.reader.take(&message)
                 {
                     self.answer(&measurement);
                     self.sent += u64::from(link.send(&self.out));
@@ -203,7 +203,7 @@ impl Pilot {
             self.sent += u64::from(link.send(&self.out));
         }
         self.forget();
-        self.gatherer = Gatherer::default();
+        self.reader = MeasurementReader::default();
         self.encoder = Encoder::new(ADDRESS.system, ADDRESS.component);
         self.boot = Boot::Begun;
     }

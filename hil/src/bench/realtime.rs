@@ -1,9 +1,10 @@
 //! What the stepping thread asks of the kernel so that it wakes on time, and what it was given.
 //!
 //! Asked for: the real-time class SCHED_FIFO, memory that is never paged out, one CPU where there are more than
-//! two, timers without slack. Each may be refused; then the run goes on without it, and its certificate says so, why, and
-//! what would allow it. A thread inherits all of this from the one that starts it, so whatever is started beside the
-//! loop goes through [`spawn_ordinary`]. Sources: sched(7), mlock(2), cpuset(7), PR_SET_TIMERSLACK(2const).
+//! two, timers without slack. Each may be refused; then the run goes on without it, and its certificate says so,
+//! why, and what would allow it. A thread inherits all of this from the one that starts it, so whatever is started
+//! beside the loop goes through [`spawn_ordinary`]. Sources: sched(7), mlock(2), cpuset(7),
+//! PR_SET_TIMERSLACK(2const).
 
 use std::io;
 use std::num::NonZeroU64;
@@ -86,7 +87,8 @@ pub fn spawn_ordinary(name: &str, run: impl FnOnce() + Send + 'static) -> io::Re
     })
 }
 
-/// The calling thread in the ordinary class, on any CPU, with the usual slack. What may always be given up is never refused.
+/// The calling thread in the ordinary class, on any CPU, with the usual slack. What may always be given up is never
+/// refused.
 fn step_down() {
     let nice = getpriority_process(None);
     let ordinary = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);

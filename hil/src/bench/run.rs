@@ -1,7 +1,7 @@
 //! One run: the flight, its clock, and who flies it.
 //!
-//! The built-in autopilot has shadowed measurements and commands, so it takes over from the motion under way and from the
-//! command in force. It keeps the controls until somebody asks for them to be given back.
+//! The built-in autopilot has shadowed measurements and commands, so it takes over from the motion under way and
+//! from the command in force. It keeps the controls until somebody asks for them to be given back.
 
 use std::time::Duration;
 

@@ -197,7 +197,8 @@ impl Services {
         has_room
     }
 
-    /// Puts out what waits for the flight controller, as far as its wire has room; frames of the ground station among it.
+    /// Puts out what waits for the flight controller, as far as its wire has room; frames of the ground station
+    /// among it.
     pub(super) fn put_out(&mut self, now_ns: u64, run: &Run, wire: &mut FcLink) -> u64 {
         let (parameters, mut forwarded) = (&self.parameters, 0);
         while self.budget.is_open(now_ns)

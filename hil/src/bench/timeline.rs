@@ -112,7 +112,8 @@ impl Timeline {
         self.next_flight.take()
     }
 
-    /// A flight that lasted until `flown` is over. A sample's place on the wire passes: the mark of the new one takes it.
+    /// A flight that lasted until `flown` is over. A sample's place on the wire passes: the mark of the new one
+    /// takes it.
     pub(super) fn begin_again(&mut self, flown: SimTime) {
         self.offset = self.offset + flown + self.sample_interval.max(LEAST_MARK);
         self.steps = 0;

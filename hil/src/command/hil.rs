@@ -147,12 +147,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let privileges = privileges(args);
     let baselines = args.references.then(|| Baselines::start((flight.step_s() * 1e6).round() as u64));
     let baselines = baselines.transpose().context("no bare sleep and echo beside the run")?;
-    let mut bench = Bench::new(&mut flight, &mut link, options, live).believing(&belief);
+    let mut bench = Bench::new(&mut flight, &mut link, options, live).with_belief(&belief);
     if let Some(ground) = &mut ground {
-        bench = bench.watched(ground);
+        bench = bench.with_ground(ground);
     }
     if args.stay {
-        bench = bench.staying();
+        bench = bench.until_stopped();
     }
     let (mut timing, link_report) = bench.run(&stop);
     if let Some((sleep, echo)) = baselines.map(Baselines::finish) {
@@ -291,7 +291,7 @@ impl BuiltIn {
         address: &str,
     ) -> Result<Self> {
         let plant: LinkSpec = address.replace("udp-listen:", "udp:").parse()?;
-        let mut pilot = Pilot::for_scenario(scenario, instruments, profile.throttle)?.staying();
+        let mut pilot = Pilot::for_scenario(scenario, instruments, profile.throttle)?.until_stopped();
         let mut link = Link::open(&plant)?;
         let (done, belief) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(None)));
         let (stop, told) = (Arc::clone(&done), Arc::clone(&belief));

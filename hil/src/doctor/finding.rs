@@ -1,6 +1,6 @@
 //! Everything that can be found, in words: what was seen, why it happens, what to do.
 
-use crate::wire::mavlink::{Address, Counters};
+use crate::wire::mavlink::Counters;
 use crate::wire::port::{Holder, Port};
 
 /// How bad it is, in rising order.
@@ -31,7 +31,7 @@ pub struct Explanation {
 }
 
 /// A system and a component.
-pub type Id = Address;
+pub type Id = (u8, u8);
 
 /// One cause. The fields are what was seen.
 #[derive(Clone, Debug, PartialEq)]
@@ -619,8 +619,8 @@ fn listed<T: std::fmt::Display>(items: &[T]) -> String {
     items.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
-fn name_of(id: Id) -> String {
-    id.to_string()
+fn name_of((system, component): Id) -> String {
+    format!("{system}/{component}")
 }
 
 fn names_of(ids: &[Id]) -> Vec<String> {

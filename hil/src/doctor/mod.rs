@@ -10,7 +10,7 @@ use hopbench::controls::{CHANNEL_COUNT, Controls};
 use hopbench::scenario::SequenceSource;
 
 use crate::wire::link::{LinkSpec, OpenFailure};
-use crate::wire::mavlink::{Address, Counters as DecoderCounters};
+use crate::wire::mavlink::Counters as DecoderCounters;
 use crate::wire::port::{Holder, Port};
 use crate::wire::profile::{Budget, Profile, SensorRates};
 
@@ -35,7 +35,7 @@ const AUTOPILOT_INVALID: u8 = 8;
 /// MAV_COMP_ID_AUTOPILOT1
 const AUTOPILOT_COMPONENT: u8 = 1;
 /// Who the bench speaks as.
-const OWN_SENDER: Address = crate::wire::stream::ADDRESS;
+const OWN_SENDER: (u8, u8) = (crate::wire::stream::ADDRESS.system, crate::wire::stream::ADDRESS.component);
 
 /// All that was seen on one link.
 #[derive(Clone, Debug)]
@@ -89,7 +89,7 @@ pub struct Heard {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sender {
     /// System and component.
-    pub id: Address,
+    pub id: (u8, u8),
     /// Frames from it.
     pub frames: u64,
     /// Of these, frames whose counter went back.
@@ -156,7 +156,7 @@ impl ControlsSeen {
 
 impl Sender {
     fn is_autopilot(&self) -> bool {
-        self.heartbeats > 0 && self.id.component == AUTOPILOT_COMPONENT && self.autopilot != AUTOPILOT_INVALID
+        self.heartbeats > 0 && self.id.1 == AUTOPILOT_COMPONENT && self.autopilot != AUTOPILOT_INVALID
     }
 }
 

@@ -99,8 +99,8 @@ impl<'a> FcLink<'a> {
         self.link.counters().received_bytes
     }
 
-    /// Takes what has arrived at `now`, for [`Self::next_message`]; who came and went. `answer` hears of each answer as it
-    /// is put on a bad wire.
+    /// Takes what has arrived at `now`, for [`Self::next_message`]; who came and went. `answer` hears of each
+    /// answer as it is put on a bad wire.
     pub(crate) fn receive(&mut self, hold: Hold, now: SimTime, answer: impl FnMut(Sample)) -> Vec<Notice> {
         self.link.keep_peer(hold);
         self.received.clear();

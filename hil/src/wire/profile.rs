@@ -258,7 +258,8 @@ impl Profile {
         streams.into_iter().map(|(hz, frame_bytes)| hz * frame_bytes as f64).sum()
     }
 
-    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to 90 % of it.
+    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to 90 %
+    /// of it.
     pub fn spare_bytes_s(&self, rates: &SensorRates, baud: u32) -> f64 {
         (0.9 * f64::from(baud) / 10.0 - self.bytes_per_s(rates)).max(0.0)
     }

@@ -1,5 +1,5 @@
-//! Replies: acknowledgements, parameters, texts. They wait their turn and keep within a budget of bytes, so that no list
-//! of parameters delays a sample.
+//! Replies: acknowledgements, parameters, texts. They wait their turn and keep within a budget of bytes, so that no
+//! list of parameters delays a sample.
 
 use std::collections::VecDeque;
 

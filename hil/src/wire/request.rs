@@ -1,7 +1,8 @@
-//! What a flight controller and a ground station say to the bench, in words of no protocol: controls, status, inquiries.
+//! What a flight controller and a ground station say to the bench, in words of no protocol: controls, status,
+//! inquiries.
 //!
-//! MAVLink becomes these here, and what is sent in answer becomes MAVLink in [`super::reply`] and [`super::stream`]; whoever
-//! steps the plant knows of no message.
+//! MAVLink becomes these here, and what is sent in answer becomes MAVLink in [`super::reply`] and
+//! [`super::stream`]; whoever steps the plant knows of no message.
 //!
 //! | command | request |
 //! |---|---|

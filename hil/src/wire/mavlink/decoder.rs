@@ -251,22 +251,22 @@ fn whole_behind(bytes: &[u8]) -> Option<usize> {
 
 /// The next piece of a stream of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Cut {
+pub(crate) enum Piece {
     /// A whole frame of this length.
     Frame(usize),
     /// So many bytes that belong to none.
     Noise(usize),
 }
 
-/// Cuts a stream as [`Decoder`] reads it; `None` until more bytes come.
-pub(crate) fn cut(bytes: &[u8]) -> Option<Cut> {
+/// The first piece of a stream, cut as [`Decoder`] reads it; `None` until more bytes come.
+pub(crate) fn next_piece(bytes: &[u8]) -> Option<Piece> {
     if bytes.is_empty() {
         return None;
     }
     match candidate(bytes) {
-        Candidate::Whole { length } | Candidate::Unknown { length } => Some(Cut::Frame(length)),
-        Candidate::Damaged | Candidate::Nothing => Some(Cut::Noise(1)),
-        Candidate::Partial => whole_behind(bytes).map(Cut::Noise),
+        Candidate::Whole { length } | Candidate::Unknown { length } => Some(Piece::Frame(length)),
+        Candidate::Damaged | Candidate::Nothing => Some(Piece::Noise(1)),
+        Candidate::Partial => whole_behind(bytes).map(Piece::Noise),
     }
 }
 

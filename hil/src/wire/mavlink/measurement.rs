@@ -31,8 +31,8 @@ const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 const QUALITY_GOOD: u8 = 100;
 const QUALITY_INVALID: u8 = 1;
 
-/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The beat goes
-/// on when the unit has nothing to tell; then the mask says so.
+/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The
+/// beat goes on when the unit has nothing to tell; then the mask says so.
 pub fn hil_sensor(measurement: &Measurement) -> Option<MavMessage> {
     let (force, rate, temperature_k) = match (&measurement.imu, &measurement.broken_imu) {
         (Some(imu), _) => (Some(imu.specific_force_body_m_s2), Some(imu.rate_body_rad_s), imu.temperature_k),
@@ -197,12 +197,12 @@ pub fn hil_state_quaternion(now: &Snapshot, datum: &Datum, time_us: u64) -> MavM
 
 /// The other side: gathers HIL messages until a HIL_SENSOR completes a measurement.
 #[derive(Debug, Default)]
-pub struct Gatherer {
+pub struct MeasurementReader {
     pending: Measurement,
     last_time: Option<SimTime>,
 }
 
-impl Gatherer {
+impl MeasurementReader {
     /// Takes one message; a HIL_SENSOR gives the measurement with all that came before it.
     pub fn take(&mut self, message: &MavMessage) -> Option<Measurement> {
         if is_reset(message) {
@@ -379,9 +379,9 @@ mod tests {
         let (mut encoder, mut decoder, mut bytes) = (Encoder::new(1, 200), Decoder::default(), Vec::new());
         messages.iter().for_each(|message| encoder.encode(message, &mut bytes));
         decoder.push(&bytes);
-        let mut gatherer = Gatherer::default();
+        let mut reader = MeasurementReader::default();
         let got: Vec<Measurement> = std::iter::from_fn(|| decoder.next_frame())
-            .filter_map(|frame| gatherer.take(&frame.message().unwrap()))
+            .filter_map(|frame| reader.take(&frame.message().unwrap()))
             .collect();
         let [got] = &got[..] else { panic!("{got:?}") };
         assert_eq!(got.time, m.time);
@@ -448,7 +448,7 @@ mod tests {
         for expected in [0x38, 0] {
             m.broken_imu = Some(unit);
             assert_eq!(mask(&m), expected);
-            let got = Gatherer::default().take(&hil_sensor(&m).unwrap()).unwrap();
+            let got = MeasurementReader::default().take(&hil_sensor(&m).unwrap()).unwrap();
             let left = got.broken_imu.unwrap();
             assert!(got.imu.is_none() && left.specific_force_body_m_s2.is_none());
             assert_eq!(left.rate_body_rad_s.is_some(), expected != 0);
@@ -460,9 +460,9 @@ mod tests {
     fn no_reading_is_sent_as_invalid_and_read_as_none() {
         let mut m = full();
         m.altimeter = Some(AltimeterSample { range_m: None, minimum_m: 0.2, maximum_m: 40.0 });
-        let mut gatherer = Gatherer::default();
-        assert!(gatherer.take(&distance_sensor(&m).unwrap()).is_none());
-        let got = gatherer.take(&hil_sensor(&m).unwrap()).unwrap();
+        let mut reader = MeasurementReader::default();
+        assert!(reader.take(&distance_sensor(&m).unwrap()).is_none());
+        let got = reader.take(&hil_sensor(&m).unwrap()).unwrap();
         assert_eq!(got.altimeter.unwrap().range_m, None);
     }
 }

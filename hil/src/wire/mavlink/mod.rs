@@ -21,7 +21,7 @@ pub use ::mavlink::dialects::common::MavMessage;
 
 pub use address::Address;
 pub use decoder::{Counters, Decoder};
-pub(crate) use decoder::{Cut, cut, sample_time_us};
+pub(crate) use decoder::{Piece, next_piece, sample_time_us};
 pub use encoder::Encoder;
 pub use frame::{
     AUTOPILOT_COMPONENT, AUTOPILOT_INVALID, AUTOPILOT_PX4, Command, ControlsFrame, Frame, FromFc,
