@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The two references, being measured.
 #[derive(Debug)]
-pub struct Baselines {
+pub(crate) struct Baselines {
     stop: Arc<AtomicBool>,
     sleeper: JoinHandle<Distribution>,
     echo: JoinHandle<Distribution>,
@@ -33,7 +33,7 @@ impl Baselines {
     ///
     /// # Errors
     /// When the system has no thread or no loopback port left.
-    pub fn start(step_us: u64) -> io::Result<Self> {
+    pub(crate) fn start(step_us: u64) -> io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let (far, near) = (UdpSocket::bind("127.0.0.1:0")?, UdpSocket::bind("127.0.0.1:0")?);
         near.connect(far.local_addr()?)?;
@@ -51,7 +51,7 @@ impl Baselines {
     }
 
     /// Ends both: how late the sleep woke, how long the echo took.
-    pub fn finish(self) -> (Distribution, Distribution) {
+    pub(crate) fn finish(self) -> (Distribution, Distribution) {
         self.stop.store(true, Ordering::Relaxed);
         let measured =
             |thread: JoinHandle<Distribution>| thread.join().unwrap_or_else(|_| Distribution::new());

@@ -51,7 +51,7 @@ pub struct Ground {
     decoder: Decoder,
     encoder: Encoder,
     /// Answers and texts.
-    pub replies: ReplyQueue,
+    pub(super) replies: ReplyQueue,
     budget: ByteBudget,
     heartbeat: Timer,
     banner: Timer,
@@ -65,7 +65,7 @@ pub struct Ground {
 
 /// What came from the ground.
 #[derive(Clone, Debug, PartialEq)]
-pub enum FromGround {
+pub(super) enum FromGround {
     /// For the bench.
     Inquiry(Inquiry),
     /// For the flight controller, as it came.
@@ -73,15 +73,15 @@ pub enum FromGround {
 }
 
 /// What telemetry is made of.
-pub struct View<'a> {
+pub(super) struct View<'a> {
     /// The flight.
-    pub flight: &'a Flight,
+    pub(super) flight: &'a Flight,
     /// Where its pad is.
-    pub datum: &'a Datum,
+    pub(super) datum: &'a Datum,
     /// Time on the wire (us).
-    pub time_us: u64,
+    pub(super) time_us: u64,
     /// Whether the vehicle obeys its controls.
-    pub is_armed: bool,
+    pub(super) is_armed: bool,
 }
 
 impl Ground {
@@ -111,12 +111,12 @@ impl Ground {
     }
 
     /// Whether somebody is there to be told.
-    pub fn has_listener(&self) -> bool {
+    pub(super) fn has_listener(&self) -> bool {
         self.link.has_peer()
     }
 
     /// Everything that has arrived, and who came and went.
-    pub fn receive(&mut self) -> (Vec<FromGround>, Vec<Notice>) {
+    pub(super) fn receive(&mut self) -> (Vec<FromGround>, Vec<Notice>) {
         let (mut bytes, mut heard) = (Vec::new(), Vec::new());
         self.link.receive(&mut bytes);
         let notices = self.link.take_notices();
@@ -149,7 +149,7 @@ impl Ground {
     }
 
     /// A frame of the flight controller, to be sent when there is room.
-    pub fn forward(&mut self, message_id: u32, raw: &[u8]) {
+    pub(super) fn forward(&mut self, message_id: u32, raw: &[u8]) {
         if is_hil(message_id) || !self.link.has_peer() {
             return;
         }
@@ -189,7 +189,7 @@ impl Ground {
     }
 
     /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
-    pub fn speak<'a>(
+    pub(super) fn speak<'a>(
         &mut self,
         now_ns: u64,
         view: &View,
@@ -285,7 +285,7 @@ impl Ground {
     }
 
     /// A frame for the flight controller found no room.
-    pub fn note_dropped(&mut self) {
+    pub(super) fn note_dropped(&mut self) {
         self.counts.dropped += 1;
     }
 

@@ -10,9 +10,9 @@
 //!   end has gone on the pad, the run goes on in real time, since nobody would answer.
 
 pub mod pace;
-pub mod realtime;
+pub(crate) mod realtime;
 
-pub mod baseline;
+pub(crate) mod baseline;
 pub mod planner;
 
 pub mod live;

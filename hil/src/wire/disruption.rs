@@ -26,7 +26,7 @@ const IN_TRANSIT_MOST: usize = 16 * 1024;
 
 /// The wire between a bench and its flight controller.
 #[derive(Debug)]
-pub struct Disruption {
+pub(crate) struct Disruption {
     to_fc: Way,
     from_fc: Way,
     fc: FcEffect,
@@ -38,11 +38,11 @@ pub struct Disruption {
 
 /// A HIL_SENSOR, or the answer to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// Its time on the wire (us).
-    pub time_us: u64,
+    pub(crate) time_us: u64,
     /// It will not arrive, or not whole.
-    pub lost: bool,
+    pub(crate) lost: bool,
 }
 
 /// One direction.
@@ -70,7 +70,7 @@ struct InTransit {
 
 impl Disruption {
     /// A sound wire.
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self {
             to_fc: Way::new(seed, "fault.wire_to_fc"),
             from_fc: Way::new(seed, "fault.wire_from_fc"),
@@ -83,7 +83,7 @@ impl Disruption {
     /// What is broken from now on. True when the flight controller is to be told to boot anew: once at a
     /// reboot, and when its power is back.
     #[must_use]
-    pub fn set(&mut self, effect: &WireEffect) -> bool {
+    pub(crate) fn set(&mut self, effect: &WireEffect) -> bool {
         self.acted |= *effect != WireEffect::default();
         for (way, effect_of_way) in [(&mut self.to_fc, effect.to_fc), (&mut self.from_fc, effect.from_fc)] {
             way.effect = effect_of_way;
@@ -95,13 +95,13 @@ impl Disruption {
     }
 
     /// Whether bytes pass as they are: there is nothing to ask of this wire.
-    pub fn is_clear(&self) -> bool {
+    pub(crate) fn is_clear(&self) -> bool {
         self.clear
     }
 
     /// Puts `bytes` on the wire to the flight controller and replaces them by what arrives there now. Frames
     /// that arrive, and the newest sample among those that did or would have, had they not been lost.
-    pub fn carry_to_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime) -> (u64, Option<Sample>) {
+    pub(crate) fn carry_to_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime) -> (u64, Option<Sample>) {
         self.to_fc.put(bytes, now, |_| {});
         let delivered = self.to_fc.deliver(bytes, now);
         self.settle();
@@ -110,20 +110,20 @@ impl Disruption {
 
     /// Puts `bytes` on the wire from the flight controller and replaces them by what arrives now. `answer`
     /// hears of each answer as it is put on the wire.
-    pub fn carry_from_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime, answer: impl FnMut(Sample)) {
+    pub(crate) fn carry_from_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime, answer: impl FnMut(Sample)) {
         self.from_fc.put(bytes, now, answer);
         self.from_fc.deliver(bytes, now);
         self.settle();
     }
 
     /// The other end has gone or come: the rest of a frame will not follow.
-    pub fn forget_tails(&mut self) {
+    pub(crate) fn forget_tails(&mut self) {
         self.from_fc.tail.clear();
         self.settle();
     }
 
     /// What became of frames, once anything was broken.
-    pub fn report(&self) -> Option<Disrupted> {
+    pub(crate) fn report(&self) -> Option<Disrupted> {
         self.acted.then_some(Disrupted { to_fc: self.to_fc.counts, from_fc: self.from_fc.counts })
     }
 

@@ -20,7 +20,7 @@ use hopbench::fault::{Component, Mode, row};
 
 /// What a command means.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// These are to break.
     Break(Vec<(Component, Mode)>),
     /// These are to be mended.
@@ -35,7 +35,7 @@ pub enum Failure {
 const OK: u32 = 0;
 
 /// What unit, type and instance of the command mean; what is not a whole number means nothing.
-pub fn failure(unit: f32, kind: f32, instance: f32) -> Failure {
+pub(crate) fn failure(unit: f32, kind: f32, instance: f32) -> Failure {
     let whole = |number: f32| (number >= 0.0 && number.fract() == 0.0).then_some(number as u32);
     // Senders leave parameters that they do not use at 0 or NaN.
     let instance = if instance.is_nan() { 0.0 } else { instance };

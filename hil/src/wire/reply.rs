@@ -18,7 +18,7 @@ const BURST_S: f64 = 0.004;
 
 /// Bytes a second that may be spent, by the wall clock.
 #[derive(Clone, Copy, Debug)]
-pub struct ByteBudget {
+pub(crate) struct ByteBudget {
     bytes_s: f64,
     left: f64,
     at_ns: u64,
@@ -26,27 +26,27 @@ pub struct ByteBudget {
 
 impl ByteBudget {
     /// So many bytes a second.
-    pub fn new(bytes_s: f64) -> Self {
+    pub(crate) fn new(bytes_s: f64) -> Self {
         Self { bytes_s, left: 0.0, at_ns: 0 }
     }
 
     /// On a socket.
-    pub fn socket() -> Self {
+    pub(crate) fn socket() -> Self {
         Self::new(SOCKET_BYTES_S)
     }
 
     /// Bytes a second.
-    pub fn bytes_s(&self) -> f64 {
+    pub(crate) fn bytes_s(&self) -> f64 {
         self.bytes_s
     }
 
     /// From now on so many bytes a second.
-    pub fn set_rate(&mut self, bytes_s: f64) {
+    pub(crate) fn set_rate(&mut self, bytes_s: f64) {
         self.bytes_s = bytes_s;
     }
 
     /// Whether one more frame may be sent now.
-    pub fn is_open(&mut self, now_ns: u64) -> bool {
+    pub(crate) fn is_open(&mut self, now_ns: u64) -> bool {
         let since_s = now_ns.saturating_sub(self.at_ns) as f64 * 1e-9;
         self.at_ns = now_ns;
         // At least one byte, or a slow line would never open.
@@ -56,14 +56,14 @@ impl ByteBudget {
     }
 
     /// A frame of so many bytes was sent.
-    pub fn spend(&mut self, bytes: usize) {
+    pub(crate) fn spend(&mut self, bytes: usize) {
         self.left -= bytes as f64;
     }
 }
 
 /// How grave a text is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Severity {
+pub(crate) enum Severity {
     /// For who wants to know.
     Info,
     /// Unusual.
@@ -78,20 +78,20 @@ pub enum Severity {
 
 /// One parameter and the value in force.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParameterValue<'a> {
+pub(crate) struct ParameterValue<'a> {
     /// Its name.
-    pub name: &'a str,
+    pub(crate) name: &'a str,
     /// In force.
-    pub value: f64,
+    pub(crate) value: f64,
     /// Place in the list.
-    pub index: u16,
+    pub(crate) index: u16,
     /// Length of the list.
-    pub count: u16,
+    pub(crate) count: u16,
 }
 
 /// One reply.
 #[derive(Clone, Debug)]
-pub enum Reply {
+pub(crate) enum Reply {
     /// A message of the dialect.
     Message(Box<MavMessage>),
     /// COMMAND_ACK with its MAV_RESULT: the command may be one that the dialect does not have.
@@ -100,7 +100,7 @@ pub enum Reply {
 
 impl Reply {
     /// Appends its frame.
-    pub fn encode(&self, encoder: &mut Encoder, bytes: &mut Vec<u8>) {
+    pub(crate) fn encode(&self, encoder: &mut Encoder, bytes: &mut Vec<u8>) {
         match self {
             Self::Message(message) => encoder.encode(message, bytes),
             Self::Ack(command, result) => encoder.encode_ack(command, *result, bytes),
@@ -110,7 +110,7 @@ impl Reply {
 
 /// Replies to one other end that wait to be sent.
 #[derive(Debug, Default)]
-pub struct ReplyQueue {
+pub(crate) struct ReplyQueue {
     waiting: VecDeque<Reply>,
     /// Next entry of the list of parameters that was asked for.
     listing: Option<u16>,
@@ -120,12 +120,12 @@ pub struct ReplyQueue {
 
 impl ReplyQueue {
     /// The value of one parameter.
-    pub fn tell_parameter(&mut self, parameter: &ParameterValue) {
+    pub(crate) fn tell_parameter(&mut self, parameter: &ParameterValue) {
         self.push(parameter_reply(parameter));
     }
 
     /// Acknowledges a command.
-    pub fn acknowledge(&mut self, receipt: &Receipt, answer: &Answer) {
+    pub(crate) fn acknowledge(&mut self, receipt: &Receipt, answer: &Answer) {
         let result = match answer {
             Ok(()) => RESULT_ACCEPTED,
             Err(Rejection::Denied(_)) => RESULT_DENIED,
@@ -143,7 +143,7 @@ impl ReplyQueue {
     }
 
     /// A text, in pieces where it is long.
-    pub fn tell(&mut self, severity: Severity, text: &str) {
+    pub(crate) fn tell(&mut self, severity: Severity, text: &str) {
         for piece in self.pieces(severity, text) {
             self.push(Reply::Message(Box::new(piece)));
         }
@@ -163,12 +163,15 @@ impl ReplyQueue {
     }
 
     /// Begins the list of parameters, or begins it again.
-    pub fn list_parameters(&mut self) {
+    pub(crate) fn list_parameters(&mut self) {
         self.listing = Some(0);
     }
 
     /// What is to be sent next. `parameter` gives an entry of the list, `None` behind its end.
-    pub fn next<'a>(&mut self, parameter: impl FnOnce(u16) -> Option<ParameterValue<'a>>) -> Option<Reply> {
+    pub(crate) fn next<'a>(
+        &mut self,
+        parameter: impl FnOnce(u16) -> Option<ParameterValue<'a>>,
+    ) -> Option<Reply> {
         if let Some(reply) = self.waiting.pop_front() {
             return Some(reply);
         }
@@ -178,7 +181,7 @@ impl ReplyQueue {
     }
 
     /// Messages that found no room.
-    pub fn dropped(&self) -> u64 {
+    pub(crate) fn dropped(&self) -> u64 {
         self.dropped
     }
 }

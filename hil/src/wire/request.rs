@@ -20,36 +20,36 @@ use crate::wire::mavlink::{
     Command, FromFc, GUIDED_ENABLE, INJECT_FAILURE, PAUSE_CONTINUE, REBOOT, SET_MESSAGE_INTERVAL,
 };
 
-pub use crate::wire::mavlink::ParameterKey;
+pub(crate) use crate::wire::mavlink::ParameterKey;
 
 /// No message comes oftener when it is asked for (us): a sample is 4 ms at the usual 250 Hz.
 const LEAST_INTERVAL_US: u64 = 4_000;
 
 /// Controls of a flight controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ControlsInput {
+pub(crate) struct ControlsInput {
     /// In lockstep the time of the sample that they answer (us); 0: any.
-    pub time_us: u64,
+    pub(crate) time_us: u64,
     /// The sender's counter.
-    pub sequence: u8,
+    pub(crate) sequence: u8,
     /// Whether they are to be obeyed.
-    pub armed: bool,
+    pub(crate) armed: bool,
     /// Output channels.
-    pub channels: [f64; CHANNEL_COUNT],
+    pub(crate) channels: [f64; CHANNEL_COUNT],
 }
 
 /// What a flight controller says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Status {
+pub(crate) struct Status {
     /// Its outputs end in the simulation.
-    pub in_the_loop: bool,
+    pub(crate) in_the_loop: bool,
     /// It is a PX4.
-    pub is_px4: bool,
+    pub(crate) is_px4: bool,
 }
 
 /// What the bench can be told to do.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Request {
+pub(crate) enum Request {
     /// A new flight.
     Reset,
     /// Simulated time stands.
@@ -73,7 +73,7 @@ pub enum Request {
 
 /// Why a request is not carried out.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Rejection {
+pub(crate) enum Rejection {
     /// It could be, but not now or not so.
     Denied(String),
     /// The bench has nothing of that kind.
@@ -81,15 +81,15 @@ pub enum Rejection {
 }
 
 /// What became of a request.
-pub type Answer = Result<(), Rejection>;
+pub(crate) type Answer = Result<(), Rejection>;
 
 /// A command that wants to be acknowledged.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Receipt(pub(super) Command);
+pub(crate) struct Receipt(pub(super) Command);
 
 /// What is asked of the bench.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Inquiry {
+pub(crate) enum Inquiry {
     /// To do something.
     Command {
         /// What, if it is anything that the bench knows.

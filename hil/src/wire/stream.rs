@@ -170,7 +170,7 @@ impl Streams {
     }
 
     /// A reply; its length on the wire.
-    pub fn put_reply(&mut self, reply: &Reply) -> usize {
+    pub(crate) fn put_reply(&mut self, reply: &Reply) -> usize {
         let before = self.bytes.len();
         reply.encode(&mut self.encoder, &mut self.bytes);
         self.bytes.len() - before
