@@ -507,7 +507,8 @@ impl<'a> Bench<'a> {
         self.figures.close(self.run.controller.gap_ns());
         let timing = self.figures.timing(&self.run);
         // From the first sample on; waiting for somebody is no use of the wire.
-        let streamed_s = self.run.clock.tied_ns().map_or(0.0, |tied_ns| (now_ns - tied_ns) as f64 * 1e-9);
+        let streamed_s =
+            self.run.clock.anchored_ns().map_or(0.0, |anchored_ns| (now_ns - anchored_ns) as f64 * 1e-9);
         let mut link = self.wire.report(streamed_s, self.run.options.baud);
         (link.controls_refused, link.controls_old) = self.run.controller.refused();
         (link.stalls, link.stalled) = self.stalls.report();

@@ -115,7 +115,7 @@ impl<'a> Run<'a> {
         self.flight.step(&self.command);
     }
 
-    /// What the step did to a vehicle that has changed hands.
+    /// What the step did to a vehicle whose controls have changed hands.
     pub(super) fn watch_handover(&mut self) {
         if let Some(handover) = self.monitor.watch(self.flight.snapshot()) {
             self.flight.note_handover(handover);

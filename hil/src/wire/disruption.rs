@@ -6,7 +6,7 @@
 //! simulated time stands while the bench waits, a late frame holds nobody up. The bench then waits for the
 //! answer to the newest sample that the wire has delivered by now, and an answer has come when it reaches
 //! the wire, though what it says is obeyed only once it has passed. Of a loss the bench knows nothing: it waits in
-//! vain, as it would at a desk.
+//! vain, as it would on a real line.
 //!
 //! What happens to a frame is drawn from streams of the run's seed, six numbers a frame whatever is broken.
 //! Samples and their answers have streams of their own, since only their order repeats from run to run;

@@ -158,8 +158,8 @@ impl<'a> FcLink<'a> {
                 };
                 (ours && beat.autopilot != AUTOPILOT_INVALID).then_some(FcMessage::Status(status))
             }
-            said => {
-                let inquiry = inquiry(said)?;
+            other => {
+                let inquiry = inquiry(other)?;
                 if !frame.target().reaches(stream::ADDRESS) {
                     return None;
                 }

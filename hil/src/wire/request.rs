@@ -116,8 +116,8 @@ pub(crate) fn unsupported<T>(why: impl Into<String>) -> Result<T, Rejection> {
 }
 
 /// What a message asks, if it asks anything.
-pub(crate) fn inquiry(said: FromFc) -> Option<Inquiry> {
-    match said {
+pub(crate) fn inquiry(message: FromFc) -> Option<Inquiry> {
+    match message {
         FromFc::Command(command) => {
             Some(Inquiry::Command { request: request(&command), receipt: Some(Receipt(command)) })
         }
