@@ -559,7 +559,7 @@ fn a_slow_ground_line_takes_no_more_than_it_carries() {
     // Heartbeat, 32, 245 and 1 take 21 + 400 + 28 + 55: 360 are left, which is six of 60.
     assert_eq!(ground.set_interval(33, None), Ok(()));
     assert_eq!(ground.set_interval(31, Some(200_000)), Ok(()));
-    assert_eq!(ground.set_interval(107, None), Err(Refusal::NotInHand));
+    assert_eq!(ground.set_interval(107, None), Err(Refusal::NotAdjustable));
 }
 
 #[test]

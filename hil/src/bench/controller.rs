@@ -229,8 +229,8 @@ impl FlightController {
         self.awaited = sample;
     }
 
-    /// From a bad wire comes the newest sample that is there now, or would be. One that an even newer one has
-    /// overtaken is not answered.
+    /// What a bad wire has delivered or lost by now: its newest sample. Nobody answers one that a newer one has
+    /// overtaken.
     pub(super) fn await_answer_to_delivered(&mut self, delivered: Option<Sample>) {
         self.awaited = delivered.filter(|sample| sample.time_us > self.newest_us);
         if let Some(Sample { time_us, lost: false }) = self.awaited {

@@ -165,7 +165,7 @@ impl Ground {
     /// # Errors
     /// When the message's rate is not in the bench's hand, or does not fit the line.
     pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> Result<(), Refusal> {
-        let place = TELEMETRY.iter().position(|(id, ..)| *id == message_id).ok_or(Refusal::NotInHand)?;
+        let place = TELEMETRY.iter().position(|(id, ..)| *id == message_id).ok_or(Refusal::NotAdjustable)?;
         let default_us = TELEMETRY[place].1;
         let timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us }));
         let before = std::mem::replace(&mut self.telemetry[place].1, timer);

@@ -107,7 +107,7 @@ impl<'a> Run<'a> {
     /// Nobody takes the place of a controller that has a vehicle in its hands or waits while time stands.
     pub(super) fn hold(&self) -> Hold {
         let flies = self.controller.is_armed() && self.stage != Stage::Fallback;
-        if flies || self.timeline.is_paused() { Hold::Kept } else { Hold::Free }
+        if flies || self.timeline.is_paused() { Hold::Keep } else { Hold::Release }
     }
 
     /// One step of the plant under the command in force.

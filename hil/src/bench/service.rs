@@ -123,7 +123,7 @@ impl Services {
         };
         match set {
             Ok(()) => Ok(()),
-            Err(Refusal::NotInHand) => rate_not_in_hand(message),
+            Err(Refusal::NotAdjustable) => rate_not_in_hand(message),
             Err(Refusal::NoRoom { taken_bytes_s, left_bytes_s }) => {
                 denied(format!("{taken_bytes_s:.0} byte/s would be taken, the line has {left_bytes_s:.0}"))
             }

@@ -215,7 +215,7 @@ impl Streams {
             (id::ODOMETRY, Some(hz), ..) => self.odometry = own(hz),
             (id::NAMED_VALUE_FLOAT, _, Some(hz), _) => self.pressures = own(hz).map(|t| [t; PRESSURES]),
             (id::SYSTEM_TIME, .., Some(hz)) => self.system_time = own(hz),
-            _ => return Err(Refusal::NotInHand),
+            _ => return Err(Refusal::NotAdjustable),
         }
         Ok(())
     }
@@ -234,7 +234,7 @@ impl Streams {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refusal {
     /// The message is none, or its rate belongs to a sensor.
-    NotInHand,
+    NotAdjustable,
     /// The line has no room; bytes a second that would be taken and that are left.
     NoRoom {
         /// Taken (byte/s).
@@ -293,7 +293,7 @@ mod tests {
             assert!(ids(&mut streams).is_empty());
         }
         let mut board = Streams::new(&PX4_HITL);
-        assert_eq!(board.set_interval(115, Some(5000), SimTime::ZERO, 1e6), Err(Refusal::NotInHand));
+        assert_eq!(board.set_interval(115, Some(5000), SimTime::ZERO, 1e6), Err(Refusal::NotAdjustable));
         board.put_truth(us(100_000), &vehicle, &datum);
         assert!(ids(&mut board).is_empty());
     }
@@ -317,13 +317,16 @@ mod tests {
     fn rates_of_sensors_are_the_vehicle_s() {
         let mut streams = Streams::new(&GENERIC);
         for sensor in [107, 113, 132] {
-            assert_eq!(streams.set_interval(sensor, Some(1000), SimTime::ZERO, 1e6), Err(Refusal::NotInHand));
+            assert_eq!(
+                streams.set_interval(sensor, Some(1000), SimTime::ZERO, 1e6),
+                Err(Refusal::NotAdjustable)
+            );
         }
         for own in [2, 251, 331] {
             assert_eq!(streams.set_interval(own, None, SimTime::ZERO, 1e6), Ok(()));
             assert_eq!(
                 Streams::new(&PX4_SITL).set_interval(own, None, SimTime::ZERO, 1e6),
-                Err(Refusal::NotInHand)
+                Err(Refusal::NotAdjustable)
             );
         }
     }

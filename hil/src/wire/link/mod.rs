@@ -49,10 +49,10 @@ pub enum Notice {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hold {
     /// Never: a vehicle is in its hands, or simulated time stands.
-    Kept,
+    Keep,
     /// After a while of silence.
     #[default]
-    Free,
+    Release,
 }
 
 /// What a link has moved.
@@ -366,7 +366,7 @@ impl Link {
                 let now = Instant::now();
                 if *peer != Some(from) {
                     let free = *listens
-                        && (peer.is_none() || (self.hold == Hold::Free && now - *heard > PEER_SILENCE));
+                        && (peer.is_none() || (self.hold == Hold::Release && now - *heard > PEER_SILENCE));
                     if !free {
                         self.counters.refused += 1;
                         if self.strangers.is_news(from) {
