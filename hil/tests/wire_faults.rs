@@ -13,7 +13,7 @@ use hopbench::scenario::Outcome;
 use hopbench::simulation::report::{Disrupted, DisruptedWay, Stalled};
 use hopbench::simulation::{Instrumentation, Report, Source};
 use hopbench_hil::bench::Options;
-use hopbench_hil::command::autopilot::pilot;
+use hopbench_hil::bench::pilot::Pilot;
 use hopbench_hil::wire::mavlink::{ControlsFrame, MavMessage, actuator_controls};
 use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing};
 
@@ -336,7 +336,8 @@ fn wire_from_fc_disconnect() {
 fn flown_by_one_that_restarts(overrides: &[&str]) -> (Report, Vec<Phase>) {
     let (scenario, phases) = (scenario(overrides), RefCell::new(Vec::new()));
     let report = run(&scenario, lockstep(&GENERIC), |fc: &mut Fc| {
-        let mut pilot = pilot(&scenario, &Instrumentation::default(), GENERIC.throttle).unwrap();
+        let mut pilot =
+            Pilot::for_scenario(&scenario, &Instrumentation::default(), GENERIC.throttle).unwrap();
         pilot.serve(
             &mut fc.link,
             || false,

@@ -10,7 +10,7 @@ use hopbench::event::Phase;
 use hopbench::scenario::Outcome;
 use hopbench::simulation::report::Handover;
 use hopbench::simulation::{Instrumentation, Source};
-use hopbench_hil::command::autopilot::pilot;
+use hopbench_hil::bench::pilot::Pilot;
 use hopbench_hil::wire::mavlink::MavMessage;
 use hopbench_hil::wire::profile::GENERIC;
 
@@ -70,7 +70,7 @@ fn a_controller_comes_back_on_request_and_only_when_it_is_fit_to_fly() {
     let options = lockstep(&GENERIC);
     let throttle = options.profile.throttle;
     let report = run(&scenario, options, |fc| {
-        let mut pilot = pilot(&scenario, &Instrumentation::default(), throttle).unwrap();
+        let mut pilot = Pilot::for_scenario(&scenario, &Instrumentation::default(), throttle).unwrap();
         let hovers = std::cell::Cell::new(false);
         pilot.serve(&mut fc.link, || hovers.get(), |belief| hovers.set(belief.phase == Phase::Hover));
         assert_eq!(ask_back(fc), MavResult::MAV_RESULT_DENIED, "it flies anyway");
@@ -109,7 +109,8 @@ fn nonsense_is_silence() {
     for bad in [f64::NAN, f64::NEG_INFINITY] {
         let scenario = scenario(&[]);
         let report = run(&scenario, lockstep(&GENERIC), |fc| {
-            let mut pilot = pilot(&scenario, &Instrumentation::default(), GENERIC.throttle).unwrap();
+            let mut pilot =
+                Pilot::for_scenario(&scenario, &Instrumentation::default(), GENERIC.throttle).unwrap();
             let hovers = std::cell::Cell::new(false);
             pilot.serve(&mut fc.link, || hovers.get(), |belief| hovers.set(belief.phase == Phase::Hover));
             while let Some(time_us) = fc.sensor_within(Duration::from_millis(500)) {

@@ -292,10 +292,10 @@ fn a_silent_peer_gives_way_late_and_never_while_it_is_kept() {
         near.take_notices()
     };
     assert!(matches!(knock(&mut near)[..], [Notice::Refused(_)]));
-    near.keep_peer(Hold::Kept);
+    near.keep_peer(Hold::Keep);
     std::thread::sleep(Duration::from_millis(5_200));
     assert!(matches!(knock(&mut near)[..], [Notice::Refused(_)]));
-    near.keep_peer(Hold::Free);
+    near.keep_peer(Hold::Release);
     assert!(matches!(knock(&mut near)[..], [Notice::Connected(_)]));
 }
 

@@ -17,15 +17,14 @@ use hopbench_hil::bench::parameter::parameters;
 use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::mavlink::measurement::is_reset;
-use hopbench_hil::wire::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
+use hopbench_hil::wire::mavlink::{Address, Decoder, Encoder, MavMessage, heartbeat};
 use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
 use hopbench_hil::wire::stream::Refusal;
 use mavlink::dialects::common as dialect;
 
 use peer::{Fc, Then, lockstep, run, scenario};
 
-const FC_SIDE: (u8, u8) = (1, 200);
-const GROUND_SIDE: (u8, u8) = (GROUND_ADDRESS.system, GROUND_ADDRESS.component);
+const FC_SIDE: Address = Address { system: 1, component: 200 };
 
 /// A machine under load answers late; that is not what these tests are about.
 const PATIENT: &[&str] = &["fc_timeout_ms=10000"];
@@ -34,10 +33,10 @@ fn patient() -> Options {
     Options { lockstep_timeout: Duration::from_secs(5), ..lockstep(&GENERIC) }
 }
 
-fn command(to: (u8, u8), command: dialect::MavCmd, parameters: [f32; 3]) -> MavMessage {
+fn command(to: Address, command: dialect::MavCmd, parameters: [f32; 3]) -> MavMessage {
     MavMessage::COMMAND_LONG(dialect::COMMAND_LONG_DATA {
-        target_system: to.0,
-        target_component: to.1,
+        target_system: to.system,
+        target_component: to.component,
         command,
         param1: parameters[0],
         param2: parameters[1],
@@ -46,20 +45,20 @@ fn command(to: (u8, u8), command: dialect::MavCmd, parameters: [f32; 3]) -> MavM
     })
 }
 
-fn set(to: (u8, u8), name: &str, value: f32) -> MavMessage {
+fn set(to: Address, name: &str, value: f32) -> MavMessage {
     MavMessage::PARAM_SET(dialect::PARAM_SET_DATA {
-        target_system: to.0,
-        target_component: to.1,
+        target_system: to.system,
+        target_component: to.component,
         param_id: name.into(),
         param_value: value,
         param_type: dialect::MavParamType::MAV_PARAM_TYPE_REAL32,
     })
 }
 
-fn list(to: (u8, u8)) -> MavMessage {
+fn list(to: Address) -> MavMessage {
     MavMessage::PARAM_REQUEST_LIST(dialect::PARAM_REQUEST_LIST_DATA {
-        target_system: to.0,
-        target_component: to.1,
+        target_system: to.system,
+        target_component: to.component,
     })
 }
 
@@ -287,7 +286,7 @@ fn a_reboot_for_everybody_is_not_the_bench_s() {
     let report = run(&scenario(PATIENT), patient(), |fc| {
         fc.idle_until(40_000);
         let reboot = dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN;
-        fc.send(&command((0, 0), reboot, [1.0, 0.0, 0.0]));
+        fc.send(&command(Address { system: 0, component: 0 }, reboot, [1.0, 0.0, 0.0]));
         let result = idle_until(fc, |m| match m {
             MavMessage::COMMAND_ACK(ack) if ack.command == reboot => Some(ack.result as u8),
             _ => None,
@@ -383,7 +382,7 @@ struct Station {
     encoder: Encoder,
     /// Every whole frame, with its number.
     frames: Vec<(u32, Vec<u8>)>,
-    messages: Vec<((u8, u8), MavMessage)>,
+    messages: Vec<(Address, MavMessage)>,
 }
 
 impl Station {
@@ -400,7 +399,7 @@ impl Station {
         let frames = &mut self.frames;
         while let Some(frame) = self.decoder.next_frame_raw(|id, raw| frames.push((id, raw.to_vec()))) {
             if let Some(message) = frame.message() {
-                self.messages.push(((frame.system_id, frame.component_id), message));
+                self.messages.push((frame.sender, message));
             }
         }
     }
@@ -413,7 +412,7 @@ fn watched(options: Options, play: impl FnOnce(&mut Fc, &mut Station)) -> Report
     std::thread::scope(|threads| {
         let bench = threads.spawn(|| {
             let mut ground = Ground::new(ground_near, None);
-            Bench::new(&mut flight, &mut near, options, Live::silent()).watched(&mut ground).run(&stop);
+            Bench::new(&mut flight, &mut near, options, Live::silent()).with_ground(&mut ground).run(&stop);
             let mut report = flight.report();
             report.require_fc();
             report.ground = Some(ground.figures());
@@ -459,7 +458,7 @@ fn the_ground_sees_the_true_vehicle_and_that_it_is_simulated() {
             wanted.iter().all(|id| s.frames.iter().filter(|(have, _)| have == id).count() >= 1)
         });
         for (sender, message) in &station.messages {
-            assert_eq!(*sender, GROUND_SIDE);
+            assert_eq!(*sender, GROUND_ADDRESS);
             match message {
                 MavMessage::HEARTBEAT(beat) => {
                     assert_eq!(beat.autopilot, dialect::MavAutopilot::MAV_AUTOPILOT_INVALID);
@@ -499,8 +498,8 @@ fn frames_pass_both_ways_as_they_came_and_hil_messages_never() {
         // To the flight controller: an arming command, what nobody knows, but neither HIL_SENSOR nor what is the bench's.
         let arm = dialect::MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
         station.send(&MavMessage::HIL_SENSOR(dialect::HIL_SENSOR_DATA::default()));
-        station.send(&set(GROUND_SIDE, "WIND_E", 2.0));
-        station.send(&command((1, 1), arm, [1.0, 0.0, 0.0]));
+        station.send(&set(GROUND_ADDRESS, "WIND_E", 2.0));
+        station.send(&command(Address { system: 1, component: 1 }, arm, [1.0, 0.0, 0.0]));
         station.link.send(&unknown);
         let (mut armed, mut raw_came) = (false, false);
         let deadline = Instant::now() + Duration::from_secs(20);
@@ -513,11 +512,11 @@ fn frames_pass_both_ways_as_they_came_and_hil_messages_never() {
             while let Some(frame) = fc.decoder.next_frame_raw(|_, raw| raw_came |= raw == unknown) {
                 match frame.message() {
                     Some(MavMessage::COMMAND_LONG(long)) => {
-                        assert_eq!((long.command, frame.system_id), (arm, 255));
+                        assert_eq!((long.command, frame.sender.system), (arm, 255));
                         armed = true;
                     }
                     Some(MavMessage::HIL_SENSOR(data)) => {
-                        assert_eq!(frame.system_id, 1);
+                        assert_eq!(frame.sender.system, 1);
                         times.push(data.time_usec);
                     }
                     Some(MavMessage::PARAM_SET(data)) => panic!("{data:?}"),
@@ -545,7 +544,7 @@ fn a_text_of_the_flight_controller_is_contradicted_at_once() {
             );
             let Some((sender, next)) = said.and_then(|place| s.messages.get(place + 1)) else { return false };
             let MavMessage::STATUSTEXT(next) = next else { panic!("{next:?} between text and banner") };
-            assert!(*sender == GROUND_SIDE && next.text.to_str().unwrap().starts_with("SIMULATED"));
+            assert!(*sender == GROUND_ADDRESS && next.text.to_str().unwrap().starts_with("SIMULATED"));
             true
         });
     });
@@ -564,7 +563,7 @@ fn a_slow_ground_line_takes_no_more_than_it_carries() {
     // Heartbeat, 32, 245 and 1 take 21 + 400 + 28 + 55: 360 are left, which is six of 60.
     assert_eq!(ground.set_interval(33, None), Ok(()));
     assert_eq!(ground.set_interval(31, Some(200_000)), Ok(()));
-    assert_eq!(ground.set_interval(107, None), Err(Refusal::NotInHand));
+    assert_eq!(ground.set_interval(107, None), Err(Refusal::NotAdjustable));
 }
 
 #[test]
@@ -574,7 +573,7 @@ fn a_px4_that_is_armed_is_not_reset() {
         let reboot = dialect::MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN;
         let time_us = fc.sensor();
         fc.controls(time_us, true, [0.0; 4]);
-        station.send(&command(GROUND_SIDE, reboot, [1.0, 0.0, 0.0]));
+        station.send(&command(GROUND_ADDRESS, reboot, [1.0, 0.0, 0.0]));
         let deadline = Instant::now() + Duration::from_secs(20);
         let result = loop {
             let time_us = fc.sensor();

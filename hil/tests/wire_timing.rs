@@ -9,8 +9,8 @@ use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Instrumentation, Source};
 use hopbench::time::SimTime;
 use hopbench_hil::bench::live::Live;
+use hopbench_hil::bench::pilot::Pilot;
 use hopbench_hil::bench::{Belief, Bench, Options};
-use hopbench_hil::command::autopilot::pilot;
 use hopbench_hil::load;
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
@@ -45,7 +45,7 @@ fn run(options: Options, burden: impl Fn() + Sync, fc: impl FnOnce(&mut Link)) -
                 burden();
                 None
             };
-            Bench::new(&mut flight, &mut near, options, Live::silent()).believing(&belief).run(&stop)
+            Bench::new(&mut flight, &mut near, options, Live::silent()).with_belief(&belief).run(&stop)
         });
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| fc(&mut far)));
         stop.store(true, Ordering::Relaxed);
@@ -201,7 +201,7 @@ fn the_built_in_autopilot_hops_at_500_samples_a_second() {
     let mut flight = Flight::with(&scenario, 1, &instruments).unwrap();
     let timing = std::thread::scope(|threads| {
         threads.spawn(|| {
-            let mut pilot = pilot(&scenario, &instruments, GENERIC.throttle).unwrap();
+            let mut pilot = Pilot::for_scenario(&scenario, &instruments, GENERIC.throttle).unwrap();
             pilot.serve(&mut far, || done.load(Ordering::Relaxed), |_| ());
         });
         let bench = Bench::new(&mut flight, &mut near, options(Pacing::Lockstep), Live::silent());

@@ -1,8 +1,9 @@
 //! What this machine can do at all, measured beside a run: a bare sleep and a bare echo.
 //!
-//! The sleep wakes at the plant's step on absolute deadlines and does nothing else; the echo sends a datagram of the size of
-//! HIL_SENSOR over the loopback to a thread that sends back one of the size of HIL_ACTUATOR_CONTROLS. The sleeper and the sending end have the class and the CPU of
-//! the thread that starts them, the answering end is ordinary, as a flight controller on this machine would be.
+//! The sleep wakes at the plant's step on absolute deadlines and does nothing else; the echo sends a datagram of
+//! the size of HIL_SENSOR over the loopback to a thread that sends back one of the size of HIL_ACTUATOR_CONTROLS.
+//! The sleeper and the sending end have the class and the CPU of the thread that starts them, the answering end is
+//! ordinary, as a flight controller on this machine would be.
 
 use std::io;
 use std::net::UdpSocket;
@@ -13,17 +14,15 @@ use std::time::Duration;
 
 use crate::bench::pace::{Distribution, now_ns, sleep_until_ns};
 use crate::bench::realtime::spawn_ordinary;
+use crate::wire::mavlink::frame_bytes;
 
 const ECHO_EVERY_NS: u64 = 10_000_000;
-/// Frame lengths on the wire (byte).
-const SENSOR_BYTES: usize = 77;
-const CONTROLS_BYTES: usize = 93;
 /// An echo that takes longer is lost.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The two references, being measured.
 #[derive(Debug)]
-pub struct Baselines {
+pub(crate) struct Baselines {
     stop: Arc<AtomicBool>,
     sleeper: JoinHandle<Distribution>,
     echo: JoinHandle<Distribution>,
@@ -34,7 +33,7 @@ impl Baselines {
     ///
     /// # Errors
     /// When the system has no thread or no loopback port left.
-    pub fn start(step_us: u64) -> io::Result<Self> {
+    pub(crate) fn start(step_us: u64) -> io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let (far, near) = (UdpSocket::bind("127.0.0.1:0")?, UdpSocket::bind("127.0.0.1:0")?);
         near.connect(far.local_addr()?)?;
@@ -52,7 +51,7 @@ impl Baselines {
     }
 
     /// Ends both: how late the sleep woke, how long the echo took.
-    pub fn finish(self) -> (Distribution, Distribution) {
+    pub(crate) fn finish(self) -> (Distribution, Distribution) {
         self.stop.store(true, Ordering::Relaxed);
         let measured =
             |thread: JoinHandle<Distribution>| thread.join().unwrap_or_else(|_| Distribution::new());
@@ -84,13 +83,13 @@ fn sleep(step_ns: u64, stop: &AtomicBool) -> Distribution {
 
 fn ask(near: &UdpSocket, stop: &AtomicBool) -> Distribution {
     let mut took = Distribution::new();
-    let (mut number, mut buffer) = (0u64, [0; CONTROLS_BYTES]);
+    let (mut number, mut buffer) = (0u64, [0; frame_bytes::HIL_ACTUATOR_CONTROLS]);
     let mut due_ns = now_ns();
     while !stop.load(Ordering::Relaxed) {
         due_ns = (due_ns + ECHO_EVERY_NS).max(now_ns());
         sleep_until_ns(due_ns);
         number += 1;
-        let mut question = [0; SENSOR_BYTES];
+        let mut question = [0; frame_bytes::HIL_SENSOR];
         question[..8].copy_from_slice(&number.to_le_bytes());
         let start_ns = now_ns();
         if near.send(&question).is_err() {
@@ -108,7 +107,7 @@ fn ask(near: &UdpSocket, stop: &AtomicBool) -> Distribution {
 }
 
 fn answer(far: &UdpSocket, stop: &AtomicBool) {
-    let mut buffer = [0; CONTROLS_BYTES];
+    let mut buffer = [0; frame_bytes::HIL_ACTUATOR_CONTROLS];
     while !stop.load(Ordering::Relaxed) {
         if far.recv(&mut buffer).is_ok() {
             let _ = far.send(&buffer);

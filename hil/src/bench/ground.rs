@@ -1,13 +1,14 @@
 //! The ground station's link: telemetry of the true vehicle, answers, and the flight controller's traffic both ways.
 //!
-//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins with SIMULATED,
-//! so that nobody takes it for the flight controller or for a real vehicle. The controller's frames pass as they came,
-//! byte for byte, unknown and signed ones too; messages of the simulation loop (HIL_*) never pass, in either direction.
-//! Telemetry is for people: it follows the wall clock, and goes on while simulated time stands.
+//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins with
+//! SIMULATED, so that nobody takes it for the flight controller or for a real vehicle. The controller's frames pass
+//! as they came, byte for byte, unknown and signed ones too; messages of the simulation loop (HIL_*) never pass, in
+//! either direction. Telemetry is for people: it follows the wall clock, and goes on while simulated time stands.
 
 use std::collections::VecDeque;
 
 use hopbench::environment::geodesy::Datum;
+use hopbench::event::Severity;
 use hopbench::fault::Component;
 use hopbench::simulation::Flight;
 use hopbench::simulation::report::GroundReport;
@@ -15,12 +16,14 @@ use hopbench::time::SimTime;
 
 use crate::wire::link::{Link, Notice};
 use crate::wire::mavlink::telemetry::{
-    PLANT_ARRAY_ID, Sensor, attitude, extended_state, global_position, local_position, plant_array,
-    system_status, vehicle_heartbeat,
+    Sensor, attitude, extended_state, global_position, local_position, plant_array, system_status,
+    vehicle_heartbeat,
 };
-use crate::wire::mavlink::{Address, Decoder, Encoder, Frame, MavMessage, Severity, is_hil};
-use crate::wire::profile::frame_bytes;
-use crate::wire::reply::{ByteBudget, Reply, ReplyQueue};
+use crate::wire::mavlink::{
+    Address, Decoder, Encoder, LONGEST_FRAME_BYTES, MavMessage, frame_bytes, id, is_hil,
+};
+use crate::wire::reply::{ByteBudget, ParameterValue, Reply, ReplyQueue};
+use crate::wire::request::{Inquiry, inquiry};
 use crate::wire::stream::{Refusal, Timer};
 
 /// Who the bench is to a ground station.
@@ -31,18 +34,16 @@ const QUEUE: usize = 256;
 const DATAGRAM_BYTES: usize = 1200;
 /// Share of a serial line that is used.
 const SHARE: f64 = 0.9;
-/// STATUSTEXT
-const STATUSTEXT_ID: u32 = 253;
 
 /// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come last: they
 /// need the most room.
-const TELEMETRY: [(u32, u64, f64); 6] = [
-    (31, 100_000, 60.0),
-    (32, 100_000, 40.0),
-    (33, 100_000, 40.0),
-    (245, 500_000, 14.0),
-    (1, 1_000_000, 55.0),
-    (PLANT_ARRAY_ID, 100_000, frame_bytes::DEBUG_FLOAT_ARRAY),
+const TELEMETRY: [(u32, u64, usize); 6] = [
+    (id::ATTITUDE_QUATERNION, 100_000, frame_bytes::ATTITUDE_QUATERNION),
+    (id::LOCAL_POSITION_NED, 100_000, frame_bytes::LOCAL_POSITION_NED),
+    (id::GLOBAL_POSITION_INT, 100_000, frame_bytes::GLOBAL_POSITION_INT),
+    (id::EXTENDED_SYS_STATE, 500_000, frame_bytes::EXTENDED_SYS_STATE),
+    (id::SYS_STATUS, 1_000_000, frame_bytes::SYS_STATUS),
+    (id::DEBUG_FLOAT_ARRAY, 100_000, frame_bytes::DEBUG_FLOAT_ARRAY),
 ];
 
 /// The link and who speaks on it.
@@ -51,7 +52,7 @@ pub struct Ground {
     decoder: Decoder,
     encoder: Encoder,
     /// Answers and texts.
-    pub replies: ReplyQueue,
+    pub(super) replies: ReplyQueue,
     budget: ByteBudget,
     heartbeat: Timer,
     banner: Timer,
@@ -65,23 +66,23 @@ pub struct Ground {
 
 /// What came from the ground.
 #[derive(Clone, Debug, PartialEq)]
-pub enum FromGround {
+pub(super) enum FromGround {
     /// For the bench.
-    Request(Frame),
+    Inquiry(Inquiry),
     /// For the flight controller, as it came.
     Forward(Vec<u8>),
 }
 
 /// What telemetry is made of.
-pub struct View<'a> {
+pub(super) struct View<'a> {
     /// The flight.
-    pub flight: &'a Flight,
+    pub(super) flight: &'a Flight,
     /// Where its pad is.
-    pub datum: &'a Datum,
+    pub(super) datum: &'a Datum,
     /// Time on the wire (us).
-    pub time_us: u64,
+    pub(super) time_us: u64,
     /// Whether the vehicle obeys its controls.
-    pub is_armed: bool,
+    pub(super) is_armed: bool,
 }
 
 impl Ground {
@@ -111,12 +112,12 @@ impl Ground {
     }
 
     /// Whether somebody is there to be told.
-    pub fn has_listener(&self) -> bool {
+    pub(super) fn has_listener(&self) -> bool {
         self.link.has_peer()
     }
 
     /// Everything that has arrived, and who came and went.
-    pub fn receive(&mut self) -> (Vec<FromGround>, Vec<Notice>) {
+    pub(super) fn receive(&mut self) -> (Vec<FromGround>, Vec<Notice>) {
         let (mut bytes, mut heard) = (Vec::new(), Vec::new());
         self.link.receive(&mut bytes);
         let notices = self.link.take_notices();
@@ -139,15 +140,17 @@ impl Ground {
             if !is_hil(id) && target != GROUND_ADDRESS.system {
                 heard.push(FromGround::Forward(raw));
             }
-            if target == GROUND_ADDRESS.system || target == 0 {
-                heard.push(FromGround::Request(frame));
+            let inquiry = inquiry(frame.from_fc());
+            // What is for everybody is the flight controller's to answer, but for the list of parameters.
+            if target == GROUND_ADDRESS.system || (target == 0 && inquiry == Some(Inquiry::ParameterList)) {
+                heard.extend(inquiry.map(FromGround::Inquiry));
             }
         }
         (heard, notices)
     }
 
     /// A frame of the flight controller, to be sent when there is room.
-    pub fn forward(&mut self, message_id: u32, raw: &[u8]) {
+    pub(super) fn forward(&mut self, message_id: u32, raw: &[u8]) {
         if is_hil(message_id) || !self.link.has_peer() {
             return;
         }
@@ -163,11 +166,12 @@ impl Ground {
     /// # Errors
     /// When the message's rate is not in the bench's hand, or does not fit the line.
     pub fn set_interval(&mut self, message_id: u32, interval_us: Option<u64>) -> Result<(), Refusal> {
-        let place = TELEMETRY.iter().position(|(id, ..)| *id == message_id).ok_or(Refusal::NotInHand)?;
+        let place = TELEMETRY.iter().position(|(id, ..)| *id == message_id).ok_or(Refusal::NotAdjustable)?;
         let default_us = TELEMETRY[place].1;
         let timer = interval_us.map(|us| Timer::every_us(if us == 0 { default_us } else { us }));
         let before = std::mem::replace(&mut self.telemetry[place].1, timer);
-        let bytes_s = |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2);
+        let bytes_s =
+            |timer: Option<Timer>| timer.map_or(0.0, |timer| timer.hz() * TELEMETRY[place].2 as f64);
         let (taken_bytes_s, left_bytes_s) = (self.telemetry_bytes_s(), self.budget.bytes_s());
         // What asks for less always fits.
         if bytes_s(timer) > bytes_s(before) && taken_bytes_s > left_bytes_s {
@@ -180,12 +184,18 @@ impl Ground {
     /// Bytes a second of heartbeat and telemetry.
     fn telemetry_bytes_s(&self) -> f64 {
         let each = self.telemetry.iter().zip(TELEMETRY);
-        let asked: f64 = each.map(|((_, timer), (.., bytes))| timer.map_or(0.0, |t| t.hz() * bytes)).sum();
-        asked + frame_bytes::HEARTBEAT
+        let asked: f64 =
+            each.map(|((_, timer), (.., bytes))| timer.map_or(0.0, |t| t.hz() * bytes as f64)).sum();
+        asked + frame_bytes::HEARTBEAT as f64
     }
 
     /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
-    pub fn speak(&mut self, now_ns: u64, view: &View, parameter: impl Fn(u16) -> Option<MavMessage>) {
+    pub(super) fn speak<'a>(
+        &mut self,
+        now_ns: u64,
+        view: &View,
+        parameter: impl Fn(u16) -> Option<ParameterValue<'a>>,
+    ) {
         if !self.link.has_peer() {
             self.from_fc.clear();
             self.out.clear();
@@ -196,12 +206,12 @@ impl Ground {
             self.put(&vehicle_heartbeat(view.is_armed));
         }
         if self.banner.fires(now) {
-            self.replies.tell(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight));
+            self.replies.tell(Severity::Notice, &banner(view.flight));
         }
         while self.budget.is_open(now_ns)
-            && let Some(said) = self.replies.next(&parameter)
+            && let Some(reply) = self.replies.next(&parameter)
         {
-            self.put_said(&said);
+            self.put_reply(&reply);
         }
         let last = self.telemetry.len() - 1;
         for i in 0..last {
@@ -214,8 +224,8 @@ impl Ground {
             self.budget.spend(raw.len());
             self.out.extend_from_slice(&raw);
             self.counts.forwarded_from_fc += 1;
-            if id == STATUSTEXT_ID && self.contradiction.fires(now) {
-                for piece in self.replies.pieces(Severity::MAV_SEVERITY_NOTICE, &banner(view.flight)) {
+            if id == id::STATUSTEXT && self.contradiction.fires(now) {
+                for piece in self.replies.pieces(Severity::Notice, &banner(view.flight)) {
                     self.put(&piece);
                 }
             }
@@ -234,11 +244,11 @@ impl Ground {
         }
         let (now, time_us) = (view.flight.snapshot(), view.time_us);
         let message = match id {
-            31 => attitude(now, time_us),
-            32 => local_position(now, time_us),
-            33 => global_position(now, view.datum, time_us),
-            245 => extended_state(now),
-            PLANT_ARRAY_ID => plant_array(now, time_us),
+            id::ATTITUDE_QUATERNION => attitude(now, time_us),
+            id::LOCAL_POSITION_NED => local_position(now, time_us),
+            id::GLOBAL_POSITION_INT => global_position(now, view.datum, time_us),
+            id::EXTENDED_SYS_STATE => extended_state(now),
+            id::DEBUG_FLOAT_ARRAY => plant_array(now, time_us),
             _ => system_status(&faulty(view.flight)),
         };
         self.put(&message);
@@ -248,12 +258,12 @@ impl Ground {
         self.put_with(|encoder, out| encoder.encode(message, out));
     }
 
-    fn put_said(&mut self, said: &Reply) {
-        self.put_with(|encoder, out| said.encode(encoder, out));
+    fn put_reply(&mut self, reply: &Reply) {
+        self.put_with(|encoder, out| reply.encode(encoder, out));
     }
 
     fn put_with(&mut self, encode: impl FnOnce(&mut Encoder, &mut Vec<u8>)) {
-        self.room_for(280);
+        self.room_for(LONGEST_FRAME_BYTES);
         let before = self.out.len();
         encode(&mut self.encoder, &mut self.out);
         self.budget.spend(self.out.len() - before);
@@ -270,13 +280,13 @@ impl Ground {
         self.out.clear();
     }
 
-    /// A frame reached the flight controller's wire.
-    pub fn note_forwarded(&mut self) {
-        self.counts.forwarded_to_fc += 1;
+    /// So many frames reached the flight controller's wire.
+    pub(super) fn note_forwarded(&mut self, frames: u64) {
+        self.counts.forwarded_to_fc += frames;
     }
 
     /// A frame for the flight controller found no room.
-    pub fn note_dropped(&mut self) {
+    pub(super) fn note_dropped(&mut self) {
         self.counts.dropped += 1;
     }
 

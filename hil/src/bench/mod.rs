@@ -10,197 +10,123 @@
 //!   end has gone on the pad, the run goes on in real time, since nobody would answer.
 
 pub mod pace;
-pub mod realtime;
+pub(crate) mod realtime;
 
-pub mod baseline;
+pub(crate) mod baseline;
 pub mod planner;
 
-pub mod failure;
-pub mod ground;
 pub mod live;
 pub mod parameter;
 pub mod pilot;
 
+pub mod ground;
+
 mod controller;
-mod figures;
 mod handover;
-mod service;
-mod show;
+mod options;
 mod stall;
+mod timeline;
+
+mod run;
+
+mod figures;
+mod request;
+mod show;
+
+mod service;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use hopbench::controls::Scale;
 use hopbench::environment::geodesy::Datum;
-use hopbench::event::{EventKind, Phase};
-use hopbench::scenario::{OnFcLoss, Outcome, Scenario};
-use hopbench::signal::ActuatorCommand;
+use hopbench::event::EventKind;
 use hopbench::simulation::report::{LinkReport, Timing};
 use hopbench::simulation::{Flight, Source};
 use hopbench::time::SimTime;
 
-use crate::bench::ground::Ground;
-use crate::bench::live::Live;
-use crate::bench::pace::{RealTime, now_ns};
-use crate::bench::planner::Planner;
-use crate::wire::disruption::{Disruption, Sample};
-use crate::wire::link::Link;
-use crate::wire::mavlink::measurement::TrueState;
-use crate::wire::mavlink::{Decoder, FromFc};
-use crate::wire::profile::{Heartbeat, Pacing, Profile, SensorRates};
-use crate::wire::stream::Streams;
+use crate::wire::disruption::Sample;
+use crate::wire::fc_link::{FcLink, FcMessage};
+use crate::wire::link::{Link, Notice};
+use crate::wire::profile::{Heartbeat, SensorRates};
+use crate::wire::request::ControlsInput;
 
-use controller::FlightController;
+pub use options::Options;
+pub use pilot::Belief;
+
 use figures::Figures;
-use handover::HandoverMonitor;
-use service::Services;
+use ground::{FromGround, Ground, View};
+use live::Live;
+use pace::now_ns;
+use run::{Run, Stage};
+use service::{Port, Services};
+use show::Show;
 use stall::{NAMED_WITHIN, Stall, Stalls};
 
 /// Longest wait without a look at the request to stop.
 const SLICE: Duration = Duration::from_millis(50);
-
-/// How a run is to be made.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// What the flight controller expects.
-    pub profile: &'static Profile,
-    /// Who waits for whom.
-    pub pacing: Pacing,
-    /// Lockstep may run ahead of real time.
-    pub fast: bool,
-    /// Longest wait for one answer in lockstep.
-    pub lockstep_timeout: Duration,
-    /// Who sits at the other end.
-    pub source: Source,
-    /// Symbols a second, where the link has such a rate.
-    pub baud: Option<u32>,
-}
-
-/// What the autopilot at the other end of the built-in link believes, for the report.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Belief {
-    /// Phase of the mission.
-    pub phase: Phase,
-    /// Where it wants it to be (m).
-    pub reference_ned_m: hopbench::frame::Vec3,
-    /// Where it takes it to be (m).
-    pub estimate_ned_m: hopbench::frame::Vec3,
-    /// Whether and why it has given the mission up.
-    pub abort: Option<hopbench::autopilot::abort::Abort>,
-    /// On the wire, when it was made.
-    pub time: SimTime,
-}
+/// Longest wait while simulated time stands.
+const IDLE: Duration = Duration::from_millis(20);
+/// Without a sample for this long, services no longer wait for one.
+const QUIET: SimTime = SimTime::from_us(40_000);
+/// Between two heartbeats, and between two to a controller that has not answered yet (ns).
+const HEARTBEAT_NS: u64 = 1_000_000_000;
+const EAGER_HEARTBEAT_NS: u64 = 100_000_000;
 
 /// One run on one link.
 pub struct Bench<'a> {
-    flight: &'a mut Flight,
-    link: &'a mut Link,
-    ground: Option<&'a mut Ground>,
+    run: Run<'a>,
+    wire: FcLink<'a>,
     services: Services,
-    /// Whether the bench goes on after a flight, until it is stopped.
-    stays: bool,
-    options: Options,
-    scenario: Scenario,
-    scale: Scale,
+    ground: Option<&'a mut Ground>,
     datum: Datum,
-    live: Live,
-    belief: Option<&'a dyn Fn() -> Option<Belief>>,
-    decoder: Decoder,
-    streams: Streams,
-    disruption: Disruption,
-    fc: FlightController,
-    stage: Stage,
-    command: ActuatorCommand,
-    /// Stands by for the built-in autopilot; without it, it lands by ramps.
-    planner: Option<Planner>,
-    hands: HandoverMonitor,
-    /// Time between the last two samples.
-    sample: SimTime,
-    sampled: SimTime,
-    clock: RealTime,
     figures: Figures,
     stalls: Stalls,
-    received: Vec<u8>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Waiting,
-    Pad,
-    Flying,
-    Fallback,
+    show: Show,
+    /// Whether the bench goes on after a flight, until it is stopped.
+    stays: bool,
 }
 
 impl<'a> Bench<'a> {
     /// A bench around a flight at step 0.
     pub fn new(flight: &'a mut Flight, link: &'a mut Link, options: Options, live: Live) -> Self {
-        let scenario = flight.scenario().clone();
-        let site = &scenario.site;
+        let site = &flight.scenario().site;
         let datum =
             Datum::new(site.latitude_deg.to_radians(), site.longitude_deg.to_radians(), site.altitude_m);
-        let step_us = (flight.step_s() * 1e6).round() as u64;
-        let sensors = &scenario.vehicle.sensors;
-        let rates = SensorRates {
-            imu_hz: flight.instruments().imu_rate_hz.unwrap_or(sensors.imu.rate_hz),
-            gnss_hz: sensors.gnss.rate_hz,
-            altimeter_hz: sensors.altimeter.rate_hz,
-        };
+        let rates = SensorRates::of(&flight.scenario().vehicle.sensors, flight.instruments().imu_rate_hz);
+        let wire = FcLink::new(link, options.profile, flight.seed());
         Self {
             services: Services::new(options.profile, &rates, options.baud),
+            run: Run::new(flight, options, live, wire.address()),
+            wire,
             ground: None,
-            stays: false,
-            scale: scale(&scenario),
             datum,
-            belief: None,
-            decoder: Decoder::default(),
-            streams: Streams::new(options.profile),
-            disruption: Disruption::new(u64::from(flight.seed())),
-            fc: FlightController {
-                may_be_live: options.profile.needs_hil_flag,
-                ..FlightController::default()
-            },
-            stage: Stage::Waiting,
-            command: ActuatorCommand::SAFE,
-            // Threads begin before the flight does.
-            planner: Planner::start()
-                .inspect_err(|e| live.notice(format!("no thread to plan on: a fallback lands by ramps: {e}")))
-                .ok(),
-            hands: HandoverMonitor::default(),
-            sample: SimTime::ZERO,
-            sampled: SimTime::ZERO,
-            clock: RealTime::from_now(flight.time().us(), step_us),
             figures: Figures::begin(),
             stalls: Stalls::none(),
-            received: Vec::with_capacity(64 * 1024),
-            scenario,
-            flight,
-            link,
-            options,
-            live,
+            show: Show::begin(),
+            stays: false,
         }
     }
 
     /// Lets the report know what the autopilot at the other end believes.
     #[must_use]
-    pub fn believing(mut self, belief: &'a dyn Fn() -> Option<Belief>) -> Self {
-        if self.options.source == Source::Autopilot {
-            self.flight.set_flown_elsewhere();
+    pub fn with_belief(mut self, belief: &'a dyn Fn() -> Option<Belief>) -> Self {
+        if self.run.options.source == Source::Autopilot {
+            self.run.flight.set_flown_elsewhere();
         }
-        self.belief = Some(belief);
+        self.run.belief = Some(belief);
         self
     }
 
     /// Lets a ground station watch and ask.
     #[must_use]
-    pub fn watched(mut self, ground: &'a mut Ground) -> Self {
+    pub fn with_ground(mut self, ground: &'a mut Ground) -> Self {
         self.ground = Some(ground);
         self
     }
 
     /// Goes on after a flight: it waits for the next reset, until it is stopped.
     #[must_use]
-    pub fn staying(mut self) -> Self {
+    pub fn until_stopped(mut self) -> Self {
         self.stays = true;
         self
     }
@@ -209,59 +135,108 @@ impl<'a> Bench<'a> {
     /// is returned here.
     pub fn run(mut self, stop: &AtomicBool) -> (Timing, LinkReport) {
         loop {
-            let over = self.flight.outcome().is_some();
+            let over = self.run.is_over();
             if stop.load(Ordering::Relaxed) || (over && !self.stays) {
                 break;
             }
-            if self.services.begins_again() {
+            if self.run.timeline.has_next_flight() {
                 self.begin_again();
-                continue;
-            }
-            if over || self.services.stands() {
+            } else if over || self.run.timeline.stands() {
                 self.stand_by();
-                continue;
+            } else {
+                self.advance(stop);
+                self.serve_between_samples();
+                self.judge();
             }
-            match self.stage {
-                Stage::Waiting => self.wait_for_somebody(),
-                _ if self.in_lockstep() => self.step_and_await(stop),
-                Stage::Fallback if self.options.fast => {
-                    self.receive();
-                    self.step_and_send();
-                }
-                _ => {
-                    self.listen_until_next_step();
-                    let begun_ns = now_ns();
-                    self.receive();
-                    self.step_and_send();
-                    self.figures.cycle_cost.record_ns(now_ns() - begun_ns);
-                }
-            }
-            self.serve_between_samples();
-            self.judge();
         }
-        if self.flight.outcome().is_none() {
-            self.flight.event(EventKind::Interrupted, "ended by the user".to_owned());
-            self.flight.end(Outcome::Aborted);
-        }
-        if let Some(handover) = self.hands.unfinished() {
-            self.flight.note_handover(handover);
-        }
+        self.run.interrupt();
+        self.run.close_handover();
         self.serve();
         self.finish()
     }
 
-    fn step_us(&self) -> u64 {
-        (self.flight.step_s() * 1e6).round() as u64
+    /// One step, unless nobody is there to step for.
+    fn advance(&mut self, stop: &AtomicBool) {
+        match self.run.stage {
+            Stage::Waiting => self.wait_for_somebody(),
+            _ if self.run.in_lockstep() => self.step_and_await(stop),
+            Stage::Fallback if self.run.options.fast => {
+                self.receive();
+                self.step();
+                self.send();
+            }
+            _ => {
+                self.listen_until_next_step();
+                let begun_ns = now_ns();
+                self.receive();
+                self.step();
+                self.send();
+                self.figures.note_cycle(begun_ns);
+            }
+        }
     }
 
-    /// Whether the next step waits for an answer rather than for the clock.
-    fn in_lockstep(&self) -> bool {
-        self.options.pacing == Pacing::Lockstep && self.fc.answers && self.stage != Stage::Fallback
+    // ---------------------------------------------------------------------------------------------- receive
+
+    /// Takes everything that has arrived.
+    fn receive(&mut self) {
+        let (hold, now, controller) = (self.run.hold(), self.run.flight.time(), &mut self.run.controller);
+        for notice in self.wire.receive(hold, now, |answer| controller.take_answer(answer)) {
+            self.run.take_notice(notice);
+        }
+        while let Some(message) = self.wire.next_message(|id, raw| {
+            if let Some(ground) = &mut self.ground {
+                ground.forward(id, raw);
+            }
+        }) {
+            match message {
+                FcMessage::Controls(controls) => self.take_controls(&controls),
+                FcMessage::Status(status) => {
+                    self.run.controller.take_status(status, self.run.options.profile.answers);
+                }
+                FcMessage::Inquiry(inquiry) => {
+                    self.services.answer(inquiry, &mut self.run, Port::Fc(&mut self.wire));
+                }
+            }
+        }
     }
 
-    /// Whether anything but heartbeats may be sent.
-    fn may_stream(&self) -> bool {
-        self.link.has_peer() && (!self.fc.may_be_live || self.fc.heartbeat == Some(true))
+    fn take_controls(&mut self, controls: &ControlsInput) {
+        self.stalls.answered(controls.time_us);
+        let is_fed = self.may_stream();
+        if !self.run.take_controls(controls, is_fed) {
+            return;
+        }
+        let echo_ms = self.run.scenario.vehicle.controls.echo_ms(&controls.channels);
+        self.figures.note_controls(controls.time_us, echo_ms, self.run.controller.gap_ns());
+        if self.wire.is_sound() {
+            self.run.controller.take_answer(Sample { time_us: controls.time_us, lost: false });
+        }
+    }
+
+    /// Simulated time stands still until there is somebody to send to.
+    fn wait_for_somebody(&mut self) {
+        self.beat();
+        self.serve();
+        self.flush();
+        self.wire.wait(Instant::now() + IDLE);
+        self.receive();
+        if self.may_stream() {
+            self.run.stage = Stage::Pad;
+            self.run.clock.start_at(self.run.flight.time().us());
+        }
+    }
+
+    /// Simulated time stands: heartbeats and services go on.
+    fn stand_by(&mut self) {
+        // To everyone, lest a long pause looks like the end.
+        self.wire.beat(now_ns(), HEARTBEAT_NS);
+        self.serve();
+        self.flush();
+        self.wire.wait(Instant::now() + IDLE);
+        self.receive();
+        let now_us = self.run.flight.time().us();
+        self.run.clock.resume_at(now_us, now_us);
     }
 
     /// Until the next step is due. While an answer may come the wait is on the link: its arrival is timed, not the step
@@ -271,94 +246,82 @@ impl<'a> Bench<'a> {
         const GUARD_NS: u64 = 100_000;
         /// A link that never falls silent must not keep the loop awake.
         const LOOKS: usize = 8;
-        let next_us = self.flight.time().us() + self.step_us();
-        let until_ns = self.clock.deadline_ns(next_us).saturating_sub(GUARD_NS);
+        let next_us = self.run.flight.time().us() + self.run.step_us();
+        let until_ns = self.run.clock.deadline_ns(next_us).saturating_sub(GUARD_NS);
         for _ in 0..LOOKS {
             let left_ns = until_ns.saturating_sub(now_ns());
             if left_ns == 0 || !self.figures.awaits_answer() {
                 break;
             }
-            self.link.wait(Instant::now() + Duration::from_nanos(left_ns));
+            self.wire.wait(Instant::now() + Duration::from_nanos(left_ns));
             self.receive();
         }
-        self.clock.wait_until(next_us);
+        self.run.clock.wait_until(next_us);
     }
 
-    /// Simulated time stands still until there is somebody to send to.
-    fn wait_for_somebody(&mut self) {
-        self.beat();
-        self.serve();
-        self.flush();
-        self.link.wait(Instant::now() + Duration::from_millis(20));
-        self.receive();
-        if self.may_stream() {
-            self.stage = Stage::Pad;
-            self.clock.start_at(self.flight.time().us());
+    // ------------------------------------------------------------------------------------------------- step
+
+    /// One step of the plant under the command in force, and what it gives to send.
+    fn step(&mut self) {
+        let start_ns = now_ns();
+        self.run.step();
+        self.figures.note_step(start_ns);
+        self.run.watch_handover();
+        if self.wire.set_effect(self.run.flight.wire_effect()) && self.may_stream() {
+            self.wire.send_reboot();
         }
-    }
-
-    /// Heartbeats by the wall clock, while nothing else is sent.
-    fn beat(&mut self) {
-        let now = now_ns();
-        if self.options.profile.heartbeat == Heartbeat::Never
-            || now < self.figures.next_heartbeat_ns
-            || !self.link.has_peer()
-        {
+        if !self.may_stream() {
+            self.beat();
             return;
         }
-        let eager =
-            self.options.profile.heartbeat == Heartbeat::EagerUntilAnswered && self.fc.heartbeat.is_none();
-        self.figures.next_heartbeat_ns = now + if eager { 100_000_000 } else { 1_000_000_000 };
-        self.streams.put_heartbeat();
-    }
-
-    fn step_and_send(&mut self) {
-        self.step();
-        self.send_what_is_due();
-    }
-
-    /// What the step gave to send, and what a bad wire has held back until now. The shadow follows while the
-    /// flight controller thinks.
-    fn send_what_is_due(&mut self) {
-        let sampled = self.flight.measurement().is_some();
-        if sampled {
-            self.note_sent();
+        let (now, on_wire) = (self.run.flight.time(), self.run.wire_time());
+        let streams = &mut self.wire.streams;
+        streams.put_truth(on_wire, self.run.flight.snapshot(), &self.datum);
+        if let Some(measurement) = self.run.flight.measurement() {
+            self.run.timeline.note_sample(now);
+            let mut measurement = measurement.clone();
+            self.run.options.profile.clamp(&mut measurement);
+            measurement.time = on_wire;
+            streams.put_measurement(&measurement);
         }
-        if sampled || !self.disruption.is_clear() {
-            self.serve();
-            self.flush();
-        }
-        if sampled {
-            self.consult();
-        }
+        streams.put_plant(on_wire, self.run.flight.snapshot());
     }
 
     fn step_and_await(&mut self, stop: &AtomicBool) {
         self.step();
-        if self.flight.measurement().is_none() && self.disruption.is_clear() {
+        if self.run.flight.measurement().is_none() && self.wire.is_sound() {
             return;
         }
-        let time_us = self.flight.time().us();
-        if !self.options.fast {
+        let time_us = self.run.flight.time().us();
+        if !self.run.options.fast {
             // Never ahead of real time; what a slow answer cost is not made up for.
-            self.clock.wait_until(time_us);
-            self.clock.rebase(time_us);
+            self.run.clock.wait_until(time_us);
+            self.run.clock.rebase(time_us);
         }
-        self.fc.answered = false;
-        self.send_what_is_due();
-        let Some(Sample { time_us: sample_us, .. }) = self.fc.awaited else { return self.receive() };
+        self.run.controller.begin_step();
+        self.send();
+        match self.run.controller.awaited() {
+            Some(sample) => self.await_answer(sample.time_us, stop),
+            None => self.receive(),
+        }
+    }
+
+    /// Waits for the answer to the sample of this time on the wire.
+    fn await_answer(&mut self, sample_us: u64, stop: &AtomicBool) {
         let start = Instant::now();
-        let mut patience = self.options.lockstep_timeout;
-        if self.fc.armed {
+        let mut patience = self.run.options.lockstep_timeout;
+        if self.run.controller.is_armed() {
             // A long wait for one answer must not outlast the patience with a silent controller.
-            patience = patience.min(self.patience().saturating_sub(self.fc.waited));
+            let interval = self.run.timeline.sample_interval();
+            patience = patience.min(self.run.controller.patience_left(interval));
         }
         let deadline = start + patience;
         let mut named = start;
         loop {
             self.receive();
             // A controller that has gone and come back starts from the beginning.
-            if self.fc.answered || !self.fc.answers || stop.load(Ordering::Relaxed) {
+            let controller = &self.run.controller;
+            if controller.has_answered() || !controller.answers() || stop.load(Ordering::Relaxed) {
                 return;
             }
             let now = Instant::now();
@@ -367,154 +330,190 @@ impl<'a> Bench<'a> {
             }
             if now - named >= NAMED_WITHIN {
                 named = now;
-                self.live.notice(format!(
+                self.run.live.notice(format!(
                     "waiting for HIL_ACTUATOR_CONTROLS with time_usec {sample_us} on {}, {} s",
-                    self.link.address(),
+                    self.run.address(),
                     (now - start).as_secs()
                 ));
             }
-            self.link.wait(deadline.min(now + SLICE));
-            self.clock.has_rested();
+            self.wire.wait(deadline.min(now + SLICE));
+            self.run.clock.has_rested();
         }
         self.stall(sample_us, start.elapsed());
     }
 
     /// The wait for the answer to a sample was in vain.
     fn stall(&mut self, sample_us: u64, waited: Duration) {
-        self.fc.waited += waited;
-        let lost = match self.fc.awaited {
+        self.run.controller.add_wait(waited);
+        let lost = match self.run.controller.awaited() {
             Some(Sample { lost: true, .. }) => ": a fault of the wire lost it or its sample",
             _ => "",
         };
         let text = format!(
             "no HIL_ACTUATOR_CONTROLS with time_usec {sample_us} within {} ms on {}{lost}; the last command holds",
             waited.as_millis(),
-            self.link.address()
+            self.run.address()
         );
         if self.stalls.is_first() {
-            self.flight.event(EventKind::Stall, text.clone());
+            self.run.flight.event(EventKind::Stall, text.clone());
         }
-        let now = self.flight.time();
+        let now = self.run.flight.time();
         self.stalls.count(&Stall { now, sample_us, waited, by_fault: !lost.is_empty() }, text);
     }
 
-    /// One step of the plant under the command in force, and what it gives to send.
-    fn step(&mut self) {
-        let start_ns = now_ns();
-        self.flight.step(&self.command);
-        self.figures.step_cost.record_ns(now_ns() - start_ns);
-        self.figures.steps += 1;
-        if let Some(handover) = self.hands.watch(self.flight.snapshot()) {
-            self.flight.note_handover(handover);
-        }
-        if self.disruption.set(self.flight.wire_effect()) && self.may_stream() {
-            // Straight to it: a bad wire is another matter.
-            self.streams.put_reboot(self.fc.address());
-            self.send_straight();
-        }
-        if !self.may_stream() {
-            self.beat();
-            return;
-        }
-        let (time, on_wire) = (self.flight.time(), self.wire_time());
-        let (flight, datum) = (&*self.flight, &self.datum);
-        self.streams.put_truth(on_wire, || true_state(flight, datum));
-        if let Some(measurement) = self.flight.measurement() {
-            (self.sample, self.sampled) = (time.since(self.sampled), time);
-            let mut measurement = measurement.clone();
-            self.options.profile.clamp(&mut measurement);
-            measurement.time = on_wire;
-            self.streams.put_measurement(&measurement);
-        }
-        self.streams.put_plant(on_wire, self.flight.snapshot());
-    }
+    // ------------------------------------------------------------------------------------------------- send
 
-    /// The built-in autopilot: flies in the fallback, shadows before, and is asked what it believes.
-    /// After the samples have left: the other end need not wait for it.
-    fn consult(&mut self) {
-        if self.stage == Stage::Fallback && self.scenario.file.on_fc_loss == OnFcLoss::Autopilot {
-            let now = self.flight.time();
-            if let Some(planner) = &mut self.planner {
-                planner.deliver(self.flight.autopilot(), now);
-            }
-            if let Some(command) = self.flight.autopilot_command() {
-                self.hands.commanded(&command, now);
-                self.command = command;
-            }
-            if let Some(planner) = &mut self.planner {
-                planner.take(self.flight.autopilot());
-            }
-            if self.flight.has_touched_down() {
-                let estimate_ned_m = self.flight.autopilot().estimate().position_ned_m;
-                self.flight.set_estimate_at_touchdown(estimate_ned_m);
-            }
-            return;
+    /// What the step gave to send, and what a bad wire has held back until now. The shadow follows while the
+    /// flight controller thinks.
+    fn send(&mut self) {
+        let sampled = self.run.flight.measurement().is_some();
+        if sampled {
+            self.figures.note_sent(self.run.wire_time().us());
         }
-        self.flight.shadow(&self.command);
-        // What it believed of the flight before is past.
-        if let Some(belief) = self.belief.and_then(|belief| belief()).filter(|b| !self.is_past(b.time)) {
-            self.flight.note_abort(belief.abort);
-            self.flight.note_phase(belief.phase);
-            self.flight.set_reference_elsewhere(Some(belief.reference_ned_m));
-            if self.flight.has_touched_down() {
-                self.flight.set_estimate_at_touchdown(belief.estimate_ned_m);
-            }
+        if sampled || !self.wire.is_sound() {
+            self.serve();
+            self.flush();
+        }
+        if sampled {
+            self.run.consult();
         }
     }
 
-    /// Takes everything that has arrived.
-    fn receive(&mut self) {
-        self.received.clear();
-        self.link.receive(&mut self.received);
-        for notice in self.link.take_notices() {
-            self.take_notice(notice);
+    /// Sends what waits: through a bad wire, if it is one.
+    fn flush(&mut self) {
+        if self.wire.is_sound() {
+            let time_us = self.run.wire_time().us();
+            let sampled = self.run.flight.measurement().is_some();
+            self.run.controller.await_answer_to(sampled.then_some(Sample { time_us, lost: false }));
+            self.wire.send();
+        } else {
+            let newest = self.wire.send_through_disruption(self.run.flight.time());
+            self.run.controller.await_answer_to_delivered(newest);
         }
-        if !self.disruption.is_clear() {
-            let fc = &mut self.fc;
-            let now = self.flight.time();
-            self.disruption.carry_from_fc(&mut self.received, now, |answer| fc.take_answer(answer));
-        }
-        if self.received.is_empty() {
-            return;
-        }
-        self.decoder.push(&self.received);
-        while let Some(frame) = self.decoder.next_frame_raw(|id, raw| {
+    }
+
+    /// Whether anything but heartbeats may be sent.
+    fn may_stream(&self) -> bool {
+        self.wire.has_peer() && self.run.controller.may_be_fed()
+    }
+
+    /// Heartbeats by the wall clock, while nothing else is sent.
+    fn beat(&mut self) {
+        let interval_ns = match self.run.options.profile.heartbeat {
+            Heartbeat::Never => return,
+            Heartbeat::EagerUntilAnswered if !self.run.controller.has_heartbeat() => EAGER_HEARTBEAT_NS,
+            Heartbeat::EagerUntilAnswered | Heartbeat::EverySecond => HEARTBEAT_NS,
+        };
+        self.wire.beat(now_ns(), interval_ns);
+    }
+
+    // ------------------------------------------------------------------------------------ services, verdicts
+
+    /// Hears the ground station, tells what happened, and puts out what waits, as far as the wires have room. After
+    /// the samples of an instant, which go first.
+    fn serve(&mut self) {
+        self.hear_ground();
+        self.tell_events();
+        let now_ns = now_ns();
+        // A board that is not in the loop gets nothing but heartbeats, from a ground station neither.
+        if self.may_stream() {
+            let forwarded = self.services.put_out(now_ns, &self.run, &mut self.wire);
             if let Some(ground) = &mut self.ground {
-                ground.forward(id, raw);
+                ground.note_forwarded(forwarded);
             }
-        }) {
-            let said = frame.from_fc();
-            let sender = (frame.system_id, frame.component_id);
-            match &said {
-                FromFc::Controls(controls) => self.take_controls(controls, sender, frame.sequence),
-                FromFc::Heartbeat(beat) => self.take_heartbeat(*beat, sender),
-                _ => self.take_request(&said),
+        }
+        if let Some(ground) = &mut self.ground {
+            let view = View {
+                flight: self.run.flight,
+                datum: &self.datum,
+                time_us: self.run.wire_time().us(),
+                is_armed: self.run.command.armed,
+            };
+            ground.speak(now_ns, &view, |index| self.services.parameter(&self.run, index));
+        }
+    }
+
+    /// A broken inertial unit ends the samples, but not the services.
+    fn serve_between_samples(&mut self) {
+        let flight = &self.run.flight;
+        if flight.measurement().is_none() && flight.time().since(self.run.timeline.sampled()) >= QUIET {
+            self.serve();
+            self.flush();
+        }
+    }
+
+    fn hear_ground(&mut self) {
+        let may_stream = self.may_stream();
+        let Some(ground) = &mut self.ground else { return };
+        let (heard, notices) = ground.receive();
+        for notice in notices {
+            let what = match notice {
+                Notice::Connected(peer) => format!("{peer} is there"),
+                Notice::Disconnected(why) => format!("lost, {why}"),
+                Notice::Refused(peer) => format!("{peer} refused, one at a time"),
+            };
+            self.run.live.notice(format!("ground station on {}: {what}", ground.address()));
+        }
+        for message in heard {
+            match message {
+                FromGround::Forward(raw) => {
+                    if !may_stream || !self.services.forward(raw) {
+                        ground.note_dropped();
+                    }
+                }
+                FromGround::Inquiry(inquiry) => {
+                    self.services.answer(inquiry, &mut self.run, Port::Ground(ground));
+                }
             }
         }
     }
-}
 
-/// What a normalised command is worth on the scenario's vehicle.
-pub fn scale(scenario: &Scenario) -> Scale {
-    let vehicle = &scenario.vehicle;
-    Scale {
-        thrust_rated_n: vehicle.rating.thrust_rated_n,
-        valve_open_rad: vehicle.valve_servo.upper_rad,
-        gimbal_limit_rad: vehicle.gimbal.limit_rad,
+    fn tell_events(&mut self) {
+        self.services.tell_events(self.run.flight, self.ground.as_deref_mut());
     }
-}
 
-fn true_state(flight: &Flight, datum: &Datum) -> TrueState {
-    let now = flight.snapshot();
-    let place = datum.geodetic(&now.position_ned_m);
-    TrueState {
-        q_ned_from_body: now.q_ned_from_body,
-        rate_body_rad_s: now.rate_body_rad_s,
-        latitude_rad: place.latitude_rad,
-        longitude_rad: place.longitude_rad,
-        altitude_m: place.altitude_m,
-        velocity_ned_m_s: now.velocity_ned_m_s,
-        airspeed_m_s: (now.velocity_ned_m_s - now.wind_ned_m_s).norm(),
-        specific_force_body_m_s2: now.specific_force_body_m_s2,
+    /// Whether the flight controller is lost, whether anybody will ever arm, and what a person should know.
+    fn judge(&mut self) {
+        self.run.judge();
+        if let Some(text) = self.stalls.notice(now_ns()) {
+            self.run.live.notice(text);
+        }
+        self.show.inform(&mut self.run, &self.wire);
+    }
+
+    /// Begins a new flight.
+    fn begin_again(&mut self) {
+        let Some(next) = self.run.timeline.take_next_flight() else { return };
+        self.run.close_handover();
+        self.run.flight.event(EventKind::Reset, "a new flight begins".to_owned());
+        self.tell_events();
+        self.run.cut_short();
+        // The answer to whoever asked, and how the flight ended, go before the mark of the new one.
+        self.serve();
+        self.flush();
+        self.wire.begin_again(next.seed());
+        self.services.begin_again();
+        self.run.begin_again(*next);
+        if self.may_stream() {
+            self.wire.streams.put_reset(self.run.wire_time());
+            self.flush();
+        }
+    }
+
+    fn finish(mut self) -> (Timing, LinkReport) {
+        let now_ns = now_ns();
+        if let Some(text) = self.stalls.remaining(now_ns) {
+            self.run.live.notice(text);
+        }
+        self.figures.close(self.run.controller.gap_ns());
+        let timing = self.figures.timing(&self.run);
+        // From the first sample on; waiting for somebody is no use of the wire.
+        let streamed_s =
+            self.run.clock.anchored_ns().map_or(0.0, |anchored_ns| (now_ns - anchored_ns) as f64 * 1e-9);
+        let mut link = self.wire.report(streamed_s, self.run.options.baud);
+        (link.controls_refused, link.controls_old) = self.run.controller.refused();
+        (link.stalls, link.stalled) = self.stalls.report();
+        self.figures.report_gaps(&mut link);
+        (timing, link)
     }
 }

@@ -32,11 +32,12 @@ const REST_NS: u64 = 1_000_000;
 /// Late spells that are kept one by one: the worst.
 const WORST: usize = 16;
 
-/// Simulated time tied to the monotonic clock.
+/// Simulated time anchored to the monotonic clock.
 ///
-/// A step that begins more than a step late is an overrun, and every overrun is counted. Behind by up to 50 ms the run
-/// catches up: no sample is left out, they leave late. Beyond that time slips: the present becomes due now, and the length
-/// of the slip is kept. So the wall time of a run is its simulated time, its slips and what it is late by at its end.
+/// A step that begins more than a step late is an overrun, and every overrun is counted. Behind by up to 50 ms the
+/// run catches up: no sample is left out, they leave late. Beyond that time slips: the present becomes due now, and
+/// the length of the slip is kept. So the wall time of a run is its simulated time, its slips and what it is late
+/// by at its end.
 #[derive(Debug)]
 pub struct RealTime {
     origin_ns: u64,
@@ -50,7 +51,7 @@ pub struct RealTime {
     overruns: Overruns,
     /// The overruns since the run was last on time.
     spell: Option<Spell>,
-    tied: Option<Tie>,
+    anchor: Option<Anchor>,
     /// When it last slept, or began.
     rested_ns: u64,
 }
@@ -80,9 +81,9 @@ struct Spell {
     worst_ns: u64,
 }
 
-/// Where simulated and wall time were tied together, and how far both have come.
+/// Where simulated time begins on the wall clock, and how far both have come.
 #[derive(Clone, Copy, Debug)]
-struct Tie {
+struct Anchor {
     start_ns: u64,
     start_us: u64,
     /// What the simulated time before `start_us` took at its speed.
@@ -93,7 +94,7 @@ struct Tie {
     slipped_before_ns: u64,
 }
 
-impl Tie {
+impl Anchor {
     /// What simulated time from the beginning to `time_us` takes at a speed (ns).
     fn simulated_ns(&self, time_us: u64, speed: f64) -> u64 {
         self.before_ns + (time_us.saturating_sub(self.start_us) as f64 * 1e3 / speed) as u64
@@ -106,7 +107,7 @@ impl Tie {
     }
 }
 
-/// Wall time against simulated time, from where they were tied to the last step waited for.
+/// Wall time against simulated time, from the anchor to the last step waited for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Account {
     /// Wall time (ns).
@@ -127,7 +128,7 @@ impl Account {
 }
 
 impl RealTime {
-    /// Ties the present to `time_us` of simulated time. Later than `step_us` counts as an overrun.
+    /// Anchors the present at `time_us` of simulated time. Later than `step_us` counts as an overrun.
     pub fn from_now(time_us: u64, step_us: u64) -> Self {
         let now = now_ns();
         Self {
@@ -139,17 +140,17 @@ impl RealTime {
             recent: Distribution::new(),
             overruns: Overruns::default(),
             spell: None,
-            tied: None,
+            anchor: None,
             rested_ns: now,
         }
     }
 
-    /// Ties the present to `time_us`, where simulated time stood still until now.
+    /// Anchors the present at `time_us`, where simulated time stood still until now.
     pub fn start_at(&mut self, time_us: u64) {
         let now = now_ns();
         (self.origin_ns, self.origin_us) = (now, time_us);
         self.spell = None;
-        self.tied = Some(Tie {
+        self.anchor = Some(Anchor {
             start_ns: now,
             start_us: time_us,
             before_ns: 0,
@@ -169,8 +170,8 @@ impl RealTime {
         let deadline_ns = self.deadline_ns(time_us);
         if now > deadline_ns + self.step_ns() {
             let late_ns = now - deadline_ns;
-            if let Some(tied) = &mut self.tied {
-                (tied.woke_ns, tied.due_us, tied.late_ns) = (now, time_us, late_ns);
+            if let Some(anchor) = &mut self.anchor {
+                (anchor.woke_ns, anchor.due_us, anchor.late_ns) = (now, time_us, late_ns);
             }
             self.slip(late_ns);
         } else if deadline_ns > now + self.step_ns() {
@@ -182,8 +183,8 @@ impl RealTime {
     /// From `time_us` on, which is due when it was, simulated time runs at this multiple of the wall clock.
     pub fn set_speed(&mut self, speed: f64, time_us: u64) {
         (self.origin_ns, self.origin_us) = (self.deadline_ns(time_us), time_us);
-        if let Some(tied) = &mut self.tied {
-            tied.jump(time_us, time_us, self.speed);
+        if let Some(anchor) = &mut self.anchor {
+            anchor.jump(time_us, time_us, self.speed);
         }
         self.speed = speed;
     }
@@ -191,10 +192,10 @@ impl RealTime {
     /// Simulated time has stood at `from_us` until now on purpose, and goes on at `to_us`.
     pub fn resume_at(&mut self, from_us: u64, to_us: u64) {
         let (now, deadline_ns) = (now_ns(), self.deadline_ns(from_us));
-        if let Some(tied) = &mut self.tied {
+        if let Some(anchor) = &mut self.anchor {
             let stood_ns = now.saturating_sub(deadline_ns);
-            tied.jump(from_us, to_us, self.speed);
-            (tied.start_ns, tied.woke_ns) = (tied.start_ns + stood_ns, tied.woke_ns + stood_ns);
+            anchor.jump(from_us, to_us, self.speed);
+            (anchor.start_ns, anchor.woke_ns) = (anchor.start_ns + stood_ns, anchor.woke_ns + stood_ns);
         }
         (self.origin_ns, self.origin_us) = (now.max(deadline_ns), to_us);
     }
@@ -232,8 +233,8 @@ impl RealTime {
     fn account(&mut self, time_us: u64, woke_ns: u64, late_ns: u64) {
         self.lateness.record_ns(late_ns);
         self.recent.record_ns(late_ns);
-        if let Some(tied) = &mut self.tied {
-            (tied.woke_ns, tied.due_us, tied.late_ns) = (woke_ns, time_us, late_ns);
+        if let Some(anchor) = &mut self.anchor {
+            (anchor.woke_ns, anchor.due_us, anchor.late_ns) = (woke_ns, time_us, late_ns);
         }
         if late_ns <= self.step_ns() {
             if let Some(spell) = self.spell.take() {
@@ -255,8 +256,8 @@ impl RealTime {
         self.origin_ns += by_ns;
         self.overruns.slips += 1;
         self.overruns.slipped_ns += by_ns;
-        if let Some(tied) = &mut self.tied {
-            tied.late_ns = tied.late_ns.saturating_sub(by_ns);
+        if let Some(anchor) = &mut self.anchor {
+            anchor.late_ns = anchor.late_ns.saturating_sub(by_ns);
         }
         let spell = self.spell.take().unwrap_or(Spell { from_us: self.due_us(), steps: 0, worst_ns: by_ns });
         self.overruns.slipped += spell.steps;
@@ -264,7 +265,7 @@ impl RealTime {
     }
 
     fn due_us(&self) -> u64 {
-        self.tied.map_or(self.origin_us, |tied| tied.due_us)
+        self.anchor.map_or(self.origin_us, |anchor| anchor.due_us)
     }
 
     fn step_ns(&self) -> u64 {
@@ -277,17 +278,17 @@ impl RealTime {
     }
 
     /// When simulated time began to follow the clock (ns).
-    pub fn tied_ns(&self) -> Option<u64> {
-        self.tied.map(|tied| tied.start_ns)
+    pub fn anchored_ns(&self) -> Option<u64> {
+        self.anchor.map(|anchor| anchor.start_ns)
     }
 
-    /// Wall time against simulated time since they were last tied.
+    /// Wall time against simulated time since they were last anchored.
     pub fn balance(&self) -> Option<Account> {
-        self.tied.map(|tied| Account {
-            wall_ns: tied.woke_ns - tied.start_ns,
-            simulated_ns: tied.simulated_ns(tied.due_us, self.speed),
-            slipped_ns: self.overruns.slipped_ns - tied.slipped_before_ns,
-            late_ns: tied.late_ns,
+        self.anchor.map(|anchor| Account {
+            wall_ns: anchor.woke_ns - anchor.start_ns,
+            simulated_ns: anchor.simulated_ns(anchor.due_us, self.speed),
+            slipped_ns: self.overruns.slipped_ns - anchor.slipped_before_ns,
+            late_ns: anchor.late_ns,
         })
     }
 

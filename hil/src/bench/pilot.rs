@@ -4,20 +4,29 @@
 //! boot anew it forgets everything, is silent for as long as that takes, and begins disarmed; samples that the
 //! wire repeats or delivers out of order are left alone.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
+use anyhow::Result;
 use hopbench::autopilot::Autopilot;
-use hopbench::controls::{Controls, Scale};
+use hopbench::autopilot::abort::Abort;
+use hopbench::autopilot::allocation::ThrottleOutput;
+use hopbench::controls::{Controls, Scale, ThrottleKind};
+use hopbench::environment::Environment;
+use hopbench::event::Phase;
+use hopbench::frame::Vec3;
+use hopbench::scenario::Scenario;
 use hopbench::signal::Measurement;
+use hopbench::simulation::{Instrumentation, data_sheet};
 use hopbench::time::SimTime;
 
-use crate::bench::Belief;
 use crate::bench::planner::Planner;
+use crate::load;
 use crate::wire::link::{Link, Notice};
-use crate::wire::mavlink::measurement::{Gatherer, is_reset};
+use crate::wire::mavlink::measurement::{MeasurementReader, is_reset};
 use crate::wire::mavlink::{
-    ControlsFrame, Decoder, Encoder, Frame, FromFc, MODE_ARMED, MODE_HIL, MavMessage, RESULT_ACCEPTED,
-    actuator_controls, heartbeat, is_reboot,
+    AUTOPILOT_COMPONENT, Address, ControlsFrame, Decoder, Encoder, Frame, FromFc, MODE_ARMED, MODE_HIL,
+    MavMessage, RESULT_ACCEPTED, actuator_controls, heartbeat, is_reboot,
 };
 
 /// MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, as PX4 sets it.
@@ -26,8 +35,8 @@ const MODE_CUSTOM: u8 = 1;
 const FLAG_LOCKSTEP: u64 = 1;
 /// A plant that was there and is silent for this long has ended.
 const PLANT_SILENCE: Duration = Duration::from_secs(3);
-/// System and component.
-const ADDRESS: (u8, u8) = (1, 1);
+/// Who it is.
+const ADDRESS: Address = Address { system: 1, component: AUTOPILOT_COMPONENT };
 /// From the first sample after a reboot to the first answer, in the plant's time: boards take some seconds.
 const BOOT: SimTime = SimTime::from_us(2_000_000);
 /// A plant's clock that goes back by more than this has been set anew; by less, the sample is an old one.
@@ -40,7 +49,7 @@ pub struct Pilot {
     planner: Planner,
     controls: Controls,
     scale: Scale,
-    gatherer: Gatherer,
+    reader: MeasurementReader,
     decoder: Decoder,
     encoder: Encoder,
     /// Frames that the link took.
@@ -64,7 +73,53 @@ enum Boot {
     Until(SimTime),
 }
 
+/// What it believes, for the report of the run at the other end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Belief {
+    /// Phase of the mission.
+    pub phase: Phase,
+    /// Where it wants the vehicle to be (m).
+    pub reference_ned_m: Vec3,
+    /// Where it takes the vehicle to be (m).
+    pub estimate_ned_m: Vec3,
+    /// Whether and why it has given the mission up.
+    pub abort: Option<Abort>,
+    /// On the wire, when it was made.
+    pub time: SimTime,
+}
+
+/// What a normalised command is worth on the scenario's vehicle.
+pub(crate) fn scale(scenario: &Scenario) -> Scale {
+    let vehicle = &scenario.vehicle;
+    Scale {
+        thrust_rated_n: vehicle.rating.thrust_rated_n,
+        valve_open_rad: vehicle.valve_servo.upper_rad,
+        gimbal_limit_rad: vehicle.gimbal.limit_rad,
+    }
+}
+
 impl Pilot {
+    /// A flight controller that is told what a scenario's vehicle and mission are.
+    ///
+    /// # Errors
+    /// When the scenario contradicts itself, or the system has no thread left to plan on.
+    pub fn for_scenario(
+        scenario: &Scenario,
+        instruments: &Instrumentation,
+        throttle: ThrottleKind,
+    ) -> Result<Self> {
+        let (wind, seed) = (&scenario.file.wind, u64::from(scenario.file.seed));
+        let environment = Environment::new(&scenario.site, wind, seed)
+            .map_err(|fault| load::contradiction(Path::new(&scenario.name), fault))?;
+        let mut parameters = data_sheet::parameters(scenario, &environment, instruments);
+        let controls = &scenario.vehicle.controls;
+        parameters.actuators.throttle_output = match controls.speaks(throttle) {
+            ThrottleKind::Thrust => ThrottleOutput::Thrust,
+            ThrottleKind::Valve => ThrottleOutput::Valve,
+        };
+        Ok(Self::new(Autopilot::new(parameters), controls.clone(), scale(scenario))?)
+    }
+
     /// A flight controller for a vehicle with these channels.
     ///
     /// # Errors
@@ -76,9 +131,9 @@ impl Pilot {
             planner: Planner::start()?,
             controls,
             scale,
-            gatherer: Gatherer::default(),
+            reader: MeasurementReader::default(),
             decoder: Decoder::default(),
-            encoder: Encoder::new(ADDRESS.0, ADDRESS.1),
+            encoder: Encoder::new(ADDRESS.system, ADDRESS.component),
             sent: 0,
             armed: false,
             last: None,
@@ -91,7 +146,7 @@ impl Pilot {
 
     /// Stays however long its plant is silent: whoever started it says when to stop.
     #[must_use]
-    pub fn staying(mut self) -> Self {
+    pub fn until_stopped(mut self) -> Self {
         self.leaves = false;
         self
     }
@@ -116,7 +171,7 @@ impl Pilot {
                 if is_reboot(&message, ADDRESS) {
                     self.reboot(&frame, link);
                 } else if self.is_up(&message)
-                    && let Some(measurement) = self.gatherer.take(&message)
+                    && let Some(measurement) = self.reader.take(&message)
                 {
                     self.answer(&measurement);
                     self.sent += u64::from(link.send(&self.out));
@@ -149,8 +204,8 @@ impl Pilot {
             self.sent += u64::from(link.send(&self.out));
         }
         self.forget();
-        self.gatherer = Gatherer::default();
-        self.encoder = Encoder::new(ADDRESS.0, ADDRESS.1);
+        self.reader = MeasurementReader::default();
+        self.encoder = Encoder::new(ADDRESS.system, ADDRESS.component);
         self.boot = Boot::Begun;
     }
 

@@ -39,8 +39,8 @@ impl Planner {
         Ok(Self { orders, answers, ordered: None, stale: false })
     }
 
-    /// Before an update at `now`: hands over what is ready. A plan that is due is waited for until the wall clock has gone
-    /// through its time too: not at all in real time, up to that when simulated time runs ahead.
+    /// Before an update at `now`: hands over what is ready. A plan that is due is waited for until the wall clock
+    /// has gone through its time too: not at all in real time, up to that when simulated time runs ahead.
     pub fn deliver(&mut self, autopilot: &mut Autopilot, now: SimTime) {
         if let Some(ordered) = self.ordered {
             let patience = Duration::from_secs_f64(LATENCY_S).saturating_sub(ordered.elapsed());

@@ -1,9 +1,10 @@
 //! What the stepping thread asks of the kernel so that it wakes on time, and what it was given.
 //!
 //! Asked for: the real-time class SCHED_FIFO, memory that is never paged out, one CPU where there are more than
-//! two, timers without slack. Each may be refused; then the run goes on without it, and its certificate says so, why, and
-//! what would allow it. A thread inherits all of this from the one that starts it, so whatever is started beside the
-//! loop goes through [`spawn_ordinary`]. Sources: sched(7), mlock(2), cpuset(7), PR_SET_TIMERSLACK(2const).
+//! two, timers without slack. Each may be refused; then the run goes on without it, and its certificate says so,
+//! why, and what would allow it. A thread inherits all of this from the one that starts it, so whatever is started
+//! beside the loop goes through [`spawn_ordinary`]. Sources: sched(7), mlock(2), cpuset(7),
+//! PR_SET_TIMERSLACK(2const).
 
 use std::io;
 use std::num::NonZeroU64;
@@ -29,7 +30,7 @@ const CPUS_TO_PIN: u32 = 3;
 
 /// What the calling thread was given; dropping it gives it back.
 #[derive(Debug)]
-pub struct Privileges {
+pub(crate) struct Privileges {
     granted: Scheduler,
     /// CPUs of the thread before it was pinned.
     home: Option<CpuSet>,
@@ -38,7 +39,7 @@ pub struct Privileges {
 impl Privileges {
     /// Asks for everything, for the calling thread. `cpu`: pins it there; `None`: to an isolated CPU or the last one,
     /// where there are more than two.
-    pub fn acquire(cpu: Option<usize>) -> Self {
+    pub(crate) fn acquire(cpu: Option<usize>) -> Self {
         let mut notes = Vec::new();
         let priority = take(&mut notes, raise());
         let locked = take(&mut notes, lock_memory()).is_some();
@@ -52,7 +53,7 @@ impl Privileges {
     }
 
     /// What was granted, and why not what was not.
-    pub fn granted(&self) -> &Scheduler {
+    pub(crate) fn granted(&self) -> &Scheduler {
         &self.granted
     }
 }
@@ -70,7 +71,7 @@ impl Drop for Privileges {
 }
 
 /// CPUs that this process may use.
-pub fn cpus() -> Vec<usize> {
+pub(crate) fn cpus() -> Vec<usize> {
     let home = sched_getaffinity(None).unwrap_or_default();
     (0..CpuSet::MAX_CPU).filter(|cpu| home.is_set(*cpu)).collect()
 }
@@ -79,14 +80,15 @@ pub fn cpus() -> Vec<usize> {
 ///
 /// # Errors
 /// When the system has no thread left.
-pub fn spawn_ordinary(name: &str, run: impl FnOnce() + Send + 'static) -> io::Result<JoinHandle<()>> {
+pub(crate) fn spawn_ordinary(name: &str, run: impl FnOnce() + Send + 'static) -> io::Result<JoinHandle<()>> {
     std::thread::Builder::new().name(name.to_owned()).spawn(move || {
         step_down();
         run();
     })
 }
 
-/// The calling thread in the ordinary class, on any CPU, with the usual slack. What may always be given up is never refused.
+/// The calling thread in the ordinary class, on any CPU, with the usual slack. What may always be given up is never
+/// refused.
 fn step_down() {
     let nice = getpriority_process(None);
     let ordinary = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);

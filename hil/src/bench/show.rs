@@ -4,38 +4,51 @@ use hopbench::event::Phase;
 use hopbench::signal::{ActuatorCommand, Throttle};
 use hopbench::simulation::{Flight, Source};
 
-use super::{Bench, Stage};
 use crate::bench::pace::now_ns;
+use crate::bench::run::{Run, Stage};
+use crate::wire::fc_link::FcLink;
 
-impl Bench<'_> {
-    pub(super) fn inform(&mut self) {
-        let now = now_ns();
-        if let Some(text) = self.stalls.notice(now) {
-            self.live.notice(text);
-        }
-        if self.fc.first.is_none() {
-            if now >= self.figures.next_message_ns {
-                self.figures.next_message_ns = now + 1_000_000_000;
-                let bytes = self.link.counters().received_bytes;
-                let nonsense = bytes > 0 && self.decoder.counters().frames == 0;
-                let live_board = self.fc.may_be_live && self.fc.heartbeat == Some(false);
-                let hint = match (nonsense, self.options.baud) {
-                    _ if live_board => {
-                        ", its HEARTBEAT lacks the HIL flag, so nothing but heartbeats is sent: SYS_HITL 1, then reboot"
-                    }
-                    (true, Some(_)) => ", no MAVLink in them: wrong baud rate?",
-                    (true, None) => ", no MAVLink in them",
-                    _ => "",
-                };
-                self.live.notice(format!("waiting for FC on {}, {bytes} bytes{hint}", self.link.address()));
+/// Between two notices that nobody has come.
+const WAITING_EVERY_NS: u64 = 1_000_000_000;
+
+/// Says that nobody has come, and then shows where the run is.
+#[derive(Debug)]
+pub(super) struct Show {
+    next_waiting_ns: u64,
+}
+
+impl Show {
+    pub(super) fn begin() -> Self {
+        Self { next_waiting_ns: now_ns() + WAITING_EVERY_NS }
+    }
+
+    pub(super) fn inform(&mut self, run: &mut Run, wire: &FcLink) {
+        let now_ns = now_ns();
+        if run.controller.first().is_none() {
+            if now_ns >= self.next_waiting_ns {
+                self.next_waiting_ns = now_ns + WAITING_EVERY_NS;
+                run.live.notice(waiting(run, wire));
             }
             return;
         }
-        let (flight, command, stage) = (&*self.flight, &self.command, self.stage);
-        let (source, clock, ever_armed) = (self.options.source, &mut self.clock, self.fc.ever_armed);
-        let idle = if ever_armed { "disarmed" } else { "pad" };
-        self.live.show(now, || live_line(flight, command, stage, source, idle, clock.recent_lateness_us()));
+        let idle = if run.controller.was_ever_armed() { "disarmed" } else { "pad" };
+        let (flight, command, stage, source) = (&*run.flight, &run.command, run.stage, run.options.source);
+        let clock = &mut run.clock;
+        let line = || live_line(flight, command, stage, source, idle, clock.recent_lateness_us());
+        run.live.show(now_ns, line);
     }
+}
+
+fn waiting(run: &Run, wire: &FcLink) -> String {
+    let hint = match (wire.hears_nonsense(), run.options.baud) {
+        _ if run.controller.is_live_board() => {
+            ", its HEARTBEAT lacks the HIL flag, so nothing but heartbeats is sent: SYS_HITL 1, then reboot"
+        }
+        (true, Some(_)) => ", no MAVLink in them: wrong baud rate?",
+        (true, None) => ", no MAVLink in them",
+        _ => "",
+    };
+    format!("waiting for FC on {}, {} bytes{hint}", run.address(), wire.received_bytes())
 }
 
 fn live_line(

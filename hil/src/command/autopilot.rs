@@ -1,24 +1,18 @@
 //! `hopbench autopilot`: the built-in autopilot as a MAVLink flight controller of its own.
 
 use std::cell::Cell;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use hopbench::autopilot::Autopilot;
-use hopbench::autopilot::allocation::ThrottleOutput;
-use hopbench::controls::ThrottleKind;
-use hopbench::environment::Environment;
 use hopbench::event::Phase;
-use hopbench::scenario::Scenario;
-use hopbench::simulation::{Instrumentation, data_sheet};
+use hopbench::simulation::Instrumentation;
 use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json};
+use super::{Common, DEVICE_FAILED, DONE, interrupt, leaves_nothing, print_json};
 use crate::bench::pilot::Pilot;
-use crate::bench::scale;
 use crate::load;
 use crate::wire::link::{Link, LinkSpec};
 use crate::wire::profile;
@@ -43,9 +37,9 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let scenario = load::scenario(&args.scenario, &common.set, None)?;
     let profile = profile::named(&args.profile).unwrap_or(&profile::GENERIC);
     let instruments = Instrumentation { imu_rate_hz: None, gnss_delay_s: profile.gnss_delay_s };
-    let mut pilot = pilot(&scenario, &instruments, profile.throttle)?;
+    let mut pilot = Pilot::for_scenario(&scenario, &instruments, profile.throttle)?;
     let mut link = Link::open(&args.plant)?;
-    let stop = hil::stop_on_signal()?;
+    let stop = interrupt::stop_on_signal()?;
     eprintln!("flying {} for the plant on {}", scenario.name, link.address());
     let (mut phase, mut abort) = (None, None);
     let heard = Cell::new(false);
@@ -91,16 +85,4 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Ok(ExitCode::from(DEVICE_FAILED));
     }
     Ok(ExitCode::from(DONE))
-}
-
-/// The built-in autopilot, told what a scenario's vehicle and mission are.
-pub fn pilot(scenario: &Scenario, instruments: &Instrumentation, throttle: ThrottleKind) -> Result<Pilot> {
-    let environment = Environment::new(&scenario.site, &scenario.file.wind, u64::from(scenario.file.seed))
-        .map_err(|fault| load::contradiction(Path::new(&scenario.name), fault))?;
-    let mut parameters = data_sheet::parameters(scenario, &environment, instruments);
-    parameters.actuators.throttle_output = match scenario.vehicle.controls.speaks(throttle) {
-        ThrottleKind::Thrust => ThrottleOutput::Thrust,
-        ThrottleKind::Valve => ThrottleOutput::Valve,
-    };
-    Ok(Pilot::new(Autopilot::new(parameters), scenario.vehicle.controls.clone(), scale(scenario))?)
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 
-use super::{Common, DONE, INTERRUPTED, UNEXPECTED, hil, print_json, print_text, wrong};
+use super::{Common, DONE, INTERRUPTED, UNEXPECTED, interrupt, print_json, print_text, wrong};
 use crate::bench::live::Live;
 use crate::evidence::campaign::folder::{CampaignFolder, Shard, merged};
 use crate::evidence::campaign::summary::{Summary, share};
@@ -60,7 +60,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     }
     let slots = share(campaign.slots(), args.shard);
     let jobs = args.jobs.map_or_else(cores, usize::from);
-    let stop = hil::stop_on_signal()?;
+    let stop = interrupt::stop_on_signal()?;
     if args.merge.is_empty() {
         // A value that cannot be is said now, not after hours.
         campaign.check_draws(&slots, jobs, &stop)?;

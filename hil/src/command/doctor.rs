@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json, print_text};
+use super::{Common, DEVICE_FAILED, DONE, hil, interrupt, leaves_nothing, print_json, print_text};
 use crate::doctor::{Explanation, Finding, Observation, Severity};
 use crate::doctor::{diagnose, diagnose_machine, listen, machine, mapped};
 use crate::load;
@@ -65,16 +65,11 @@ fn observe(args: &Args, common: &Common, spec: &LinkSpec) -> Result<Observation>
     let profile = profile.unwrap_or_else(|| profile::default_for(spec));
     let scenario =
         args.scenario.as_deref().map(|file| load::scenario(file, &common.set, None)).transpose()?;
-    let vehicle = scenario.as_ref().map(|scenario| &scenario.vehicle);
-    let mut rates =
-        vehicle.map_or(SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 }, |vehicle| {
-            SensorRates {
-                imu_hz: vehicle.sensors.imu.rate_hz,
-                gnss_hz: vehicle.sensors.gnss.rate_hz,
-                altimeter_hz: vehicle.sensors.altimeter.rate_hz,
-            }
-        });
-    rates.imu_hz = args.sensor_hz.map_or(rates.imu_hz, f64::from);
+    let asked_hz = args.sensor_hz.map(f64::from);
+    let rates = match &scenario {
+        Some(scenario) => SensorRates::of(&scenario.vehicle.sensors, asked_hz),
+        None => SensorRates { imu_hz: asked_hz.unwrap_or(250.0), gnss_hz: 10.0, altimeter_hz: 50.0 },
+    };
     let mut seen = Observation {
         link: spec.clone(),
         profile,
@@ -95,7 +90,7 @@ fn observe(args: &Args, common: &Common, spec: &LinkSpec) -> Result<Observation>
     if let LinkSpec::Serial { path, .. } = spec {
         seen.holders = port::other_holders(path.as_ref());
     }
-    let stop = hil::stop_on_signal()?;
+    let stop = interrupt::stop_on_signal()?;
     eprintln!("listening on {} for {} s", link.address(), args.listen_s);
     link.port_settings().into_iter().for_each(|settings| eprintln!("{settings}"));
     let time = Duration::from_secs_f64(args.listen_s);

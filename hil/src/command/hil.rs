@@ -11,10 +11,11 @@ use hopbench::input::InputError;
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Source};
 
-use super::{Common, DONE, UNEXPECTED, autopilot, print_json, print_text, wrong};
+use super::{Common, DONE, UNEXPECTED, interrupt, print_json, print_text, wrong};
 use crate::bench::baseline::Baselines;
 use crate::bench::ground::Ground;
 use crate::bench::live::Live;
+use crate::bench::pilot::Pilot;
 use crate::bench::realtime::{self, Privileges};
 use crate::bench::{Belief, Bench, Options};
 use crate::evidence::certificate::{self, Machine};
@@ -120,7 +121,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         Some(path) => RunFolder::create(path)?,
         None => RunFolder::for_run_of(&scenario.name)?,
     };
-    let stop = stop_on_signal()?;
+    let stop = interrupt::stop_on_signal()?;
     let built_in = match &args.fc {
         Some(_) => None,
         None => Some(BuiltIn::start(&scenario, &instruments, profile, link.address())?),
@@ -146,12 +147,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let privileges = privileges(args);
     let baselines = args.references.then(|| Baselines::start((flight.step_s() * 1e6).round() as u64));
     let baselines = baselines.transpose().context("no bare sleep and echo beside the run")?;
-    let mut bench = Bench::new(&mut flight, &mut link, options, live).believing(&belief);
+    let mut bench = Bench::new(&mut flight, &mut link, options, live).with_belief(&belief);
     if let Some(ground) = &mut ground {
-        bench = bench.watched(ground);
+        bench = bench.with_ground(ground);
     }
     if args.stay {
-        bench = bench.staying();
+        bench = bench.until_stopped();
     }
     let (mut timing, link_report) = bench.run(&stop);
     if let Some((sleep, echo)) = baselines.map(Baselines::finish) {
@@ -248,12 +249,7 @@ fn check_budget(
     live: &Live,
 ) -> Result<Option<u32>, InputError> {
     let Some(baud) = args.fc.as_ref().and_then(baud_of) else { return Ok(None) };
-    let sensors = &scenario.vehicle.sensors;
-    let rates = SensorRates {
-        imu_hz: args.sensor_hz.map_or(sensors.imu.rate_hz, f64::from),
-        gnss_hz: sensors.gnss.rate_hz,
-        altimeter_hz: sensors.altimeter.rate_hz,
-    };
+    let rates = SensorRates::of(&scenario.vehicle.sensors, args.sensor_hz.map(f64::from));
     match profile.budget(&rates, baud) {
         Budget::Fits { .. } => {}
         Budget::Tight { load_percent } => live.notice(format!(
@@ -298,7 +294,7 @@ impl BuiltIn {
         address: &str,
     ) -> Result<Self> {
         let plant: LinkSpec = address.replace("udp-listen:", "udp:").parse()?;
-        let mut pilot = autopilot::pilot(scenario, instruments, profile.throttle)?.staying();
+        let mut pilot = Pilot::for_scenario(scenario, instruments, profile.throttle)?.until_stopped();
         let mut link = Link::open(&plant)?;
         let (done, belief) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(None)));
         let (stop, told) = (Arc::clone(&done), Arc::clone(&belief));
@@ -322,32 +318,6 @@ impl BuiltIn {
         self.done.store(true, Ordering::Relaxed);
         let _ = self.thread.join();
     }
-}
-
-/// Set by Ctrl-C and by SIGTERM: the run ends with its report. A second one ends the program at once.
-pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let stop = Arc::new(AtomicBool::new(false));
-    let set = Arc::clone(&stop);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let (mut interrupt, mut terminate) = {
-        let _inside = runtime.enter();
-        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
-    };
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        runtime.block_on(async {
-            loop {
-                tokio::select! {
-                    _ = interrupt.recv() => {}
-                    _ = terminate.recv() => {}
-                }
-                if set.swap(true, Ordering::Relaxed) {
-                    std::process::exit(130);
-                }
-            }
-        });
-    })?;
-    Ok(stop)
 }
 
 fn remove_ready_file(path: &Path) -> Result<()> {

@@ -5,6 +5,8 @@ use std::process::ExitCode;
 
 use hopbench::input::{Diagnostic, InputError};
 
+mod interrupt;
+
 pub mod autopilot;
 pub mod campaign;
 pub mod check;

@@ -83,7 +83,7 @@ impl Ear {
     }
 
     fn take_frame(&mut self, frame: &Frame) {
-        let id = (frame.system_id, frame.component_id);
+        let id = (frame.sender.system, frame.sender.component);
         self.heard.version_1 += u64::from(frame.is_version_1());
         let senders = &mut self.heard.senders;
         let place = match senders.iter().position(|sender| sender.id == id) {

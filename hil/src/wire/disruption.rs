@@ -6,7 +6,7 @@
 //! simulated time stands while the bench waits, a late frame holds nobody up. The bench then waits for the
 //! answer to the newest sample that the wire has delivered by now, and an answer has come when it reaches
 //! the wire, though what it says is obeyed only once it has passed. Of a loss the bench knows nothing: it waits in
-//! vain, as it would at a desk.
+//! vain, as it would on a real line.
 //!
 //! What happens to a frame is drawn from streams of the run's seed, six numbers a frame whatever is broken.
 //! Samples and their answers have streams of their own, since only their order repeats from run to run;
@@ -19,14 +19,14 @@ use hopbench::noise::{self, Stream};
 use hopbench::simulation::report::{Disrupted, DisruptedWay};
 use hopbench::time::SimTime;
 
-use crate::wire::mavlink::{Cut, cut, sample_time_us};
+use crate::wire::mavlink::{Piece, next_piece, sample_time_us};
 
 /// Frames under way in one direction: ten seconds of a thousand samples a second. More are lost.
-const UNDER_WAY: usize = 16 * 1024;
+const IN_TRANSIT_MOST: usize = 16 * 1024;
 
 /// The wire between a bench and its flight controller.
 #[derive(Debug)]
-pub struct Disruption {
+pub(crate) struct Disruption {
     to_fc: Way,
     from_fc: Way,
     fc: FcEffect,
@@ -38,11 +38,11 @@ pub struct Disruption {
 
 /// A HIL_SENSOR, or the answer to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// Its time on the wire (us).
-    pub time_us: u64,
+    pub(crate) time_us: u64,
     /// It will not arrive, or not whole.
-    pub lost: bool,
+    pub(crate) lost: bool,
 }
 
 /// One direction.
@@ -54,7 +54,7 @@ struct Way {
     /// For samples and answers, and for all else.
     streams: [Stream; 2],
     /// By when they are due (us) and in which order they came.
-    under_way: BTreeMap<(u64, u64), UnderWay>,
+    in_transit: BTreeMap<(u64, u64), InTransit>,
     came: u64,
     /// The beginning of a frame whose end has not come.
     tail: Vec<u8>,
@@ -62,7 +62,7 @@ struct Way {
 }
 
 #[derive(Debug)]
-struct UnderWay {
+struct InTransit {
     /// Empty: lost on the way.
     frame: Vec<u8>,
     sample: Option<Sample>,
@@ -70,7 +70,7 @@ struct UnderWay {
 
 impl Disruption {
     /// A sound wire.
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self {
             to_fc: Way::new(seed, "fault.wire_to_fc"),
             from_fc: Way::new(seed, "fault.wire_from_fc"),
@@ -83,7 +83,7 @@ impl Disruption {
     /// What is broken from now on. True when the flight controller is to be told to boot anew: once at a
     /// reboot, and when its power is back.
     #[must_use]
-    pub fn set(&mut self, effect: &WireEffect) -> bool {
+    pub(crate) fn set(&mut self, effect: &WireEffect) -> bool {
         self.acted |= *effect != WireEffect::default();
         for (way, effect_of_way) in [(&mut self.to_fc, effect.to_fc), (&mut self.from_fc, effect.from_fc)] {
             way.effect = effect_of_way;
@@ -95,13 +95,13 @@ impl Disruption {
     }
 
     /// Whether bytes pass as they are: there is nothing to ask of this wire.
-    pub fn is_clear(&self) -> bool {
+    pub(crate) fn is_clear(&self) -> bool {
         self.clear
     }
 
     /// Puts `bytes` on the wire to the flight controller and replaces them by what arrives there now. Frames
     /// that arrive, and the newest sample among those that did or would have, had they not been lost.
-    pub fn carry_to_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime) -> (u64, Option<Sample>) {
+    pub(crate) fn carry_to_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime) -> (u64, Option<Sample>) {
         self.to_fc.put(bytes, now, |_| {});
         let delivered = self.to_fc.deliver(bytes, now);
         self.settle();
@@ -110,20 +110,20 @@ impl Disruption {
 
     /// Puts `bytes` on the wire from the flight controller and replaces them by what arrives now. `answer`
     /// hears of each answer as it is put on the wire.
-    pub fn carry_from_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime, answer: impl FnMut(Sample)) {
+    pub(crate) fn carry_from_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime, answer: impl FnMut(Sample)) {
         self.from_fc.put(bytes, now, answer);
         self.from_fc.deliver(bytes, now);
         self.settle();
     }
 
     /// The other end has gone or come: the rest of a frame will not follow.
-    pub fn forget_tails(&mut self) {
+    pub(crate) fn forget_tails(&mut self) {
         self.from_fc.tail.clear();
         self.settle();
     }
 
     /// What became of frames, once anything was broken.
-    pub fn report(&self) -> Option<Disrupted> {
+    pub(crate) fn report(&self) -> Option<Disrupted> {
         self.acted.then_some(Disrupted { to_fc: self.to_fc.counts, from_fc: self.from_fc.counts })
     }
 
@@ -138,7 +138,7 @@ impl Way {
             effect: Direction::default(),
             dark: false,
             streams: [noise::stream(seed, name), noise::stream(seed, &format!("{name}.other"))],
-            under_way: BTreeMap::new(),
+            in_transit: BTreeMap::new(),
             came: 0,
             tail: Vec::new(),
             counts: DisruptedWay::default(),
@@ -150,7 +150,7 @@ impl Way {
     }
 
     fn is_clear(&self) -> bool {
-        self.is_sound() && self.under_way.is_empty() && self.tail.is_empty()
+        self.is_sound() && self.in_transit.is_empty() && self.tail.is_empty()
     }
 
     /// Leaves in `bytes` what belongs to no frame and passes at once.
@@ -158,14 +158,14 @@ impl Way {
         self.tail.append(bytes);
         let stream = std::mem::take(&mut self.tail);
         let mut rest = &stream[..];
-        while let Some(piece) = cut(rest) {
-            let (Cut::Frame(length) | Cut::Noise(length)) = piece;
+        while let Some(piece) = next_piece(rest) {
+            let (Piece::Frame(length) | Piece::Noise(length)) = piece;
             let (piece_bytes, behind) = rest.split_at(length);
             rest = behind;
             match piece {
-                Cut::Frame(_) => self.enter(piece_bytes, now.us()).into_iter().for_each(&mut entered),
-                Cut::Noise(_) if self.dark => {}
-                Cut::Noise(_) => bytes.extend_from_slice(piece_bytes),
+                Piece::Frame(_) => self.enter(piece_bytes, now.us()).into_iter().for_each(&mut entered),
+                Piece::Noise(_) if self.dark => {}
+                Piece::Noise(_) => bytes.extend_from_slice(piece_bytes),
             }
         }
         self.tail = rest.to_vec();
@@ -182,7 +182,7 @@ impl Way {
         let mut frame = frame.to_vec();
         let mut copies = 1;
         let mut lost = false;
-        if self.dark || drop <= effect.drop_share || self.under_way.len() >= UNDER_WAY {
+        if self.dark || drop <= effect.drop_share || self.in_transit.len() >= IN_TRANSIT_MOST {
             self.counts.dropped += 1;
             lost = true;
             frame.clear();
@@ -199,11 +199,11 @@ impl Way {
             }
         }
         let sample = time_us.map(|time_us| Sample { time_us, lost });
-        if self.under_way.len() < UNDER_WAY {
+        if self.in_transit.len() < IN_TRANSIT_MOST {
             for jitter in [first, second].into_iter().take(copies) {
                 let due_us = self.due_us(now_us, jitter);
                 self.counts.delayed += u64::from(due_us > now_us && !frame.is_empty());
-                self.under_way.insert((due_us, self.came), UnderWay { frame: frame.clone(), sample });
+                self.in_transit.insert((due_us, self.came), InTransit { frame: frame.clone(), sample });
                 self.came += 1;
             }
         }
@@ -214,7 +214,7 @@ impl Way {
     fn due_us(&self, now_us: u64, jitter: f64) -> u64 {
         let late_us = SimTime::from_s(self.effect.delay_s + jitter * self.effect.jitter_s).us();
         let due_us = now_us.saturating_add(late_us);
-        match self.under_way.last_key_value() {
+        match self.in_transit.last_key_value() {
             Some(((last_us, _), _)) if self.effect.jitter_s == 0.0 => due_us.max(*last_us),
             _ => due_us,
         }
@@ -223,11 +223,11 @@ impl Way {
     /// Appends what is due to `bytes`.
     fn deliver(&mut self, bytes: &mut Vec<u8>, now: SimTime) -> (u64, Option<Sample>) {
         let (mut frames, mut newest) = (0, None::<Sample>);
-        while let Some(first) = self.under_way.first_entry() {
+        while let Some(first) = self.in_transit.first_entry() {
             if first.key().0 > now.us() {
                 break;
             }
-            let UnderWay { frame, mut sample } = first.remove();
+            let InTransit { frame, mut sample } = first.remove();
             if self.dark && !frame.is_empty() {
                 // What was on the wire when it broke.
                 self.counts.dropped += 1;
@@ -242,7 +242,7 @@ impl Way {
                 newest = Some(sample);
             }
         }
-        if self.is_sound() && self.under_way.is_empty() {
+        if self.is_sound() && self.in_transit.is_empty() {
             bytes.append(&mut self.tail);
         }
         (frames, newest)
@@ -366,7 +366,7 @@ mod tests {
         let forever = Direction { delay_s: 1e9, duplicate_share: 1.0, ..Direction::default() };
         let _ = wire.set(&broken(forever));
         (0..20).for_each(|_| wire.carry_from_fc(&mut bytes.clone(), at(0), |_| {}));
-        assert!(wire.from_fc.under_way.len() <= UNDER_WAY + 1);
+        assert!(wire.from_fc.in_transit.len() <= IN_TRANSIT_MOST + 1);
         assert!(wire.report().unwrap().from_fc.dropped > 0);
     }
 

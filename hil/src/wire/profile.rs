@@ -7,6 +7,7 @@ use hopbench::sensor::SensorParameters;
 use hopbench::signal::Measurement;
 
 use crate::wire::link::LinkSpec;
+use crate::wire::mavlink::frame_bytes;
 
 /// One kind of flight controller.
 #[derive(Clone, Debug, PartialEq)]
@@ -209,6 +210,17 @@ pub struct SensorRates {
     pub altimeter_hz: f64,
 }
 
+impl SensorRates {
+    /// Those of a vehicle's sensors; `imu_hz`: another rate of HIL_SENSOR than the vehicle file's.
+    pub fn of(sensors: &SensorParameters, imu_hz: Option<f64>) -> Self {
+        Self {
+            imu_hz: imu_hz.unwrap_or(sensors.imu.rate_hz),
+            gnss_hz: sensors.gnss.rate_hz,
+            altimeter_hz: sensors.altimeter.rate_hz,
+        }
+    }
+}
+
 /// Share of a serial line that a profile takes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Budget {
@@ -231,32 +243,24 @@ pub enum Budget {
     },
 }
 
-/// Frame lengths on the wire (byte), untruncated.
-pub(crate) mod frame_bytes {
-    pub const HIL_SENSOR: f64 = 77.0;
-    pub const HIL_GPS: f64 = 51.0;
-    pub const DISTANCE_SENSOR: f64 = 51.0;
-    pub const HEARTBEAT: f64 = 21.0;
-    pub const ODOMETRY: f64 = 245.0;
-    pub const NAMED_VALUE_FLOAT: f64 = 30.0;
-    pub const SYSTEM_TIME: f64 = 24.0;
-    pub const HIL_STATE_QUATERNION: f64 = 76.0;
-    pub const DEBUG_FLOAT_ARRAY: f64 = 264.0;
-}
-
 impl Profile {
     /// Bytes a second to the flight controller, without what it may ask for.
     pub fn bytes_per_s(&self, rates: &SensorRates) -> f64 {
-        rates.imu_hz * frame_bytes::HIL_SENSOR
-            + rates.gnss_hz * frame_bytes::HIL_GPS
-            + rates.altimeter_hz * frame_bytes::DISTANCE_SENSOR
-            + if self.heartbeat == Heartbeat::Never { 0.0 } else { frame_bytes::HEARTBEAT }
-            + self.odometry_hz.unwrap_or(0.0) * frame_bytes::ODOMETRY
-            + self.pressure_hz.unwrap_or(0.0) * 3.0 * frame_bytes::NAMED_VALUE_FLOAT
-            + self.system_time_hz.unwrap_or(0.0) * frame_bytes::SYSTEM_TIME
+        let heartbeat_hz = if self.heartbeat == Heartbeat::Never { 0.0 } else { 1.0 };
+        let streams = [
+            (rates.imu_hz, frame_bytes::HIL_SENSOR),
+            (rates.gnss_hz, frame_bytes::HIL_GPS),
+            (rates.altimeter_hz, frame_bytes::DISTANCE_SENSOR),
+            (heartbeat_hz, frame_bytes::HEARTBEAT),
+            (self.odometry_hz.unwrap_or(0.0), frame_bytes::ODOMETRY),
+            (self.pressure_hz.unwrap_or(0.0) * 3.0, frame_bytes::NAMED_VALUE_FLOAT),
+            (self.system_time_hz.unwrap_or(0.0), frame_bytes::SYSTEM_TIME),
+        ];
+        streams.into_iter().map(|(hz, frame_bytes)| hz * frame_bytes as f64).sum()
     }
 
-    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to 90 % of it.
+    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to 90 %
+    /// of it.
     pub fn spare_bytes_s(&self, rates: &SensorRates, baud: u32) -> f64 {
         (0.9 * f64::from(baud) / 10.0 - self.bytes_per_s(rates)).max(0.0)
     }

@@ -3,29 +3,25 @@
 //! The slow messages of an instant come before its HIL_SENSOR, which completes it: a controller that
 //! answers HIL_SENSOR has then seen everything that belongs to it.
 
+use hopbench::environment::geodesy::Datum;
 use hopbench::plant::Snapshot;
 use hopbench::signal::Measurement;
 use hopbench::time::SimTime;
 
 use crate::wire::mavlink::measurement::{
-    TrueState, distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry,
-    pressure, reset_mark,
+    distance_sensor, hil_gps, hil_sensor, hil_state_quaternion, named_pressures, odometry, pressure,
+    reset_mark,
 };
-use crate::wire::mavlink::telemetry::{PLANT_ARRAY_ID, plant_array};
-use crate::wire::mavlink::{Address, Encoder, MavMessage, heartbeat, reboot, system_time};
-use crate::wire::profile::{Heartbeat, Profile, frame_bytes};
+use crate::wire::mavlink::telemetry::plant_array;
+use crate::wire::mavlink::{Address, Encoder, MavMessage, frame_bytes, heartbeat, id, reboot, system_time};
+use crate::wire::profile::{Heartbeat, Profile};
 use crate::wire::reply::Reply;
+
+/// Texts: a flight controller that asks for them hears of events.
+pub const TEXTS: u32 = id::STATUSTEXT;
 
 /// The bench is a component of the flight controller's own system, as simulators are by convention.
 pub const ADDRESS: Address = Address { system: 1, component: 200 };
-
-/// Messages whose rate may be asked for.
-mod id {
-    pub const SYSTEM_TIME: u32 = 2;
-    pub const HIL_STATE_QUATERNION: u32 = 115;
-    pub const NAMED_VALUE_FLOAT: u32 = 251;
-    pub const ODOMETRY: u32 = 331;
-}
 
 /// Interval of the true state when it is asked for without one (us).
 const TRUTH_DEFAULT_US: u64 = 20_000;
@@ -120,7 +116,7 @@ impl Streams {
     }
 
     /// Tells the flight controller to boot anew.
-    pub fn put_reboot(&mut self, to: (u8, u8)) {
+    pub fn put_reboot(&mut self, to: Address) {
         self.put(&reboot(to));
     }
 
@@ -155,9 +151,9 @@ impl Streams {
     }
 
     /// The true state, if it was asked for and is due.
-    pub fn put_truth(&mut self, now: SimTime, state: impl FnOnce() -> TrueState) {
+    pub fn put_truth(&mut self, now: SimTime, vehicle: &Snapshot, datum: &Datum) {
         if self.truth.as_mut().is_some_and(|timer| timer.fires(now)) {
-            self.put(&hil_state_quaternion(&state(), now.us()));
+            self.put(&hil_state_quaternion(vehicle, datum, now.us()));
         }
     }
 
@@ -173,10 +169,10 @@ impl Streams {
         self.put(&reset_mark(now.us()));
     }
 
-    /// Anything else that is said; its length on the wire.
-    pub fn put_service(&mut self, said: &Reply) -> usize {
+    /// A reply; its length on the wire.
+    pub(crate) fn put_reply(&mut self, reply: &Reply) -> usize {
         let before = self.bytes.len();
-        said.encode(&mut self.encoder, &mut self.bytes);
+        reply.encode(&mut self.encoder, &mut self.bytes);
         self.bytes.len() - before
     }
 
@@ -211,7 +207,7 @@ impl Streams {
                 fits(&[truth, None], &[None, self.plant], spare_bytes_s)?;
                 self.truth = truth;
             }
-            (PLANT_ARRAY_ID, ..) if answers => {
+            (id::DEBUG_FLOAT_ARRAY, ..) if answers => {
                 let plant = timer(PLANT_DEFAULT_US, PLANT_LEAST_US);
                 fits(&[None, plant], &[self.truth, None], spare_bytes_s)?;
                 self.plant = plant;
@@ -219,7 +215,7 @@ impl Streams {
             (id::ODOMETRY, Some(hz), ..) => self.odometry = own(hz),
             (id::NAMED_VALUE_FLOAT, _, Some(hz), _) => self.pressures = own(hz).map(|t| [t; PRESSURES]),
             (id::SYSTEM_TIME, .., Some(hz)) => self.system_time = own(hz),
-            _ => return Err(Refusal::NotInHand),
+            _ => return Err(Refusal::NotAdjustable),
         }
         Ok(())
     }
@@ -238,7 +234,7 @@ impl Streams {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refusal {
     /// The message is none, or its rate belongs to a sensor.
-    NotInHand,
+    NotAdjustable,
     /// The line has no room; bytes a second that would be taken and that are left.
     NoRoom {
         /// Taken (byte/s).
@@ -251,7 +247,7 @@ pub enum Refusal {
 /// Of true state and plant.
 fn asked_bytes_s(timers: &[Option<Timer>; 2]) -> f64 {
     let bytes = [frame_bytes::HIL_STATE_QUATERNION, frame_bytes::DEBUG_FLOAT_ARRAY];
-    timers.iter().zip(bytes).map(|(timer, bytes)| timer.map_or(0.0, |timer| timer.hz() * bytes)).sum()
+    timers.iter().zip(bytes).map(|(timer, bytes)| timer.map_or(0.0, |timer| timer.hz() * bytes as f64)).sum()
 }
 
 /// Whether what is asked for now and what goes on fit what is left of the line.
@@ -277,40 +273,28 @@ mod tests {
         std::iter::from_fn(|| decoder.next_frame()).map(|frame| frame.message_id).collect()
     }
 
-    fn truth() -> TrueState {
-        TrueState {
-            q_ned_from_body: nalgebra::UnitQuaternion::identity(),
-            rate_body_rad_s: Default::default(),
-            latitude_rad: 0.8,
-            longitude_rad: 0.1,
-            altitude_m: 500.0,
-            velocity_ned_m_s: Default::default(),
-            airspeed_m_s: 0.0,
-            specific_force_body_m_s2: Default::default(),
-        }
-    }
-
     #[test]
     fn truth_comes_at_the_interval_asked_for_and_never_to_a_board() {
         let us = SimTime::from_us;
+        let (vehicle, datum) = (Snapshot::default(), Datum::new(0.8, 0.1, 500.0));
         for profile in [&GENERIC, &PX4_SITL] {
             let mut streams = Streams::new(profile);
-            streams.put_truth(us(1000), truth);
+            streams.put_truth(us(1000), &vehicle, &datum);
             assert!(ids(&mut streams).is_empty());
             streams.set_interval(115, Some(5000), us(1000), 1e6).unwrap();
             let mut times = Vec::new();
             for ms in 2..=31 {
-                streams.put_truth(us(1000 * ms), truth);
+                streams.put_truth(us(1000 * ms), &vehicle, &datum);
                 times.extend(ids(&mut streams).iter().map(|_| ms));
             }
             assert_eq!(times, [6, 11, 16, 21, 26, 31]);
             streams.set_interval(115, None, us(32_000), 0.0).unwrap();
-            streams.put_truth(us(100_000), truth);
+            streams.put_truth(us(100_000), &vehicle, &datum);
             assert!(ids(&mut streams).is_empty());
         }
         let mut board = Streams::new(&PX4_HITL);
-        assert_eq!(board.set_interval(115, Some(5000), SimTime::ZERO, 1e6), Err(Refusal::NotInHand));
-        board.put_truth(us(100_000), truth);
+        assert_eq!(board.set_interval(115, Some(5000), SimTime::ZERO, 1e6), Err(Refusal::NotAdjustable));
+        board.put_truth(us(100_000), &vehicle, &datum);
         assert!(ids(&mut board).is_empty());
     }
 
@@ -320,12 +304,12 @@ mod tests {
         let mut streams = Streams::new(&GENERIC);
         let mut ask = |id, interval_us, spare| streams.set_interval(id, interval_us, SimTime::ZERO, spare);
         let refused = Err(Refusal::NoRoom { taken_bytes_s: 2640.0, left_bytes_s: 2600.0 });
-        assert_eq!(ask(PLANT_ARRAY_ID, Some(100_000), 2600.0), refused);
-        assert_eq!(ask(PLANT_ARRAY_ID, Some(0), 2640.0), Ok(()));
+        assert_eq!(ask(id::DEBUG_FLOAT_ARRAY, Some(100_000), 2600.0), refused);
+        assert_eq!(ask(id::DEBUG_FLOAT_ARRAY, Some(0), 2640.0), Ok(()));
         // 76 bytes at 50 Hz on top of it.
         assert!(matches!(ask(115, Some(0), 6439.0), Err(Refusal::NoRoom { .. })));
         assert_eq!(ask(115, Some(0), 6440.0), Ok(()));
-        assert_eq!(ask(PLANT_ARRAY_ID, None, 0.0), Ok(()));
+        assert_eq!(ask(id::DEBUG_FLOAT_ARRAY, None, 0.0), Ok(()));
         assert_eq!(streams.asked_bytes_s(), 3800.0);
     }
 
@@ -333,13 +317,16 @@ mod tests {
     fn rates_of_sensors_are_the_vehicle_s() {
         let mut streams = Streams::new(&GENERIC);
         for sensor in [107, 113, 132] {
-            assert_eq!(streams.set_interval(sensor, Some(1000), SimTime::ZERO, 1e6), Err(Refusal::NotInHand));
+            assert_eq!(
+                streams.set_interval(sensor, Some(1000), SimTime::ZERO, 1e6),
+                Err(Refusal::NotAdjustable)
+            );
         }
         for own in [2, 251, 331] {
             assert_eq!(streams.set_interval(own, None, SimTime::ZERO, 1e6), Ok(()));
             assert_eq!(
                 Streams::new(&PX4_SITL).set_interval(own, None, SimTime::ZERO, 1e6),
-                Err(Refusal::NotInHand)
+                Err(Refusal::NotAdjustable)
             );
         }
     }

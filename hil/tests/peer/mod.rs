@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use hopbench::scenario::Scenario;
 use hopbench::simulation::{Flight, Instrumentation, Report, Source};
 use hopbench_hil::bench::live::Live;
+use hopbench_hil::bench::pilot::Pilot;
 use hopbench_hil::bench::{Belief, Bench, Options};
-use hopbench_hil::command::autopilot::pilot;
 use hopbench_hil::load;
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
@@ -144,7 +144,7 @@ pub fn flown(overrides: &[&str], options: Options, silent: impl Fn(&Belief) -> b
     let scenario = scenario(overrides);
     let throttle = options.profile.throttle;
     run(&scenario, options, |fc| {
-        let mut pilot = pilot(&scenario, &Instrumentation::default(), throttle).unwrap();
+        let mut pilot = Pilot::for_scenario(&scenario, &Instrumentation::default(), throttle).unwrap();
         let done = AtomicBool::new(false);
         let tell = |belief: Belief| done.store(silent(&belief), Ordering::Relaxed);
         pilot.serve(&mut fc.link, || done.load(Ordering::Relaxed), tell);

@@ -6,22 +6,23 @@
 //! thread in between costs two wake-ups per step; a serial port and the dialling of a TCP peer, which may
 //! block, live on threads of their own.
 
+mod failure;
+mod spec;
+
 mod serial;
+mod tcp;
 
 use std::io::{self, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::unix::net::UnixStream;
-use std::path::Path;
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::wire::port;
+pub use failure::{LinkError, OpenFailure};
+pub use spec::{Host, LinkSpec, LinkSpecError};
 
-/// Rates that serial hardware is made for: 12 Mbaud is the greatest of USB adapters. What a driver makes of
-/// a rate is asked when the port is open.
-const BAUD_RANGE: std::ops::RangeInclusive<u32> = 50..=12_000_000;
 /// Bytes that wait for a slow network peer; about a second of the fullest profile.
 const NETWORK_QUEUE_BYTES: usize = 64 * 1024;
 /// Bytes that wait for a serial line, besides what the system holds: what waits longer is stale.
@@ -32,69 +33,6 @@ const REFUSAL_SILENCE: Duration = Duration::from_secs(1);
 const STRANGERS: usize = 16;
 /// A `udp-listen` peer silent for this long gives way to whoever writes next, unless it is kept.
 const PEER_SILENCE: Duration = Duration::from_secs(5);
-
-/// A TCP peer that acknowledges nothing for this long is gone. The kernel counts keepalive in whole seconds.
-const TCP_SILENCE: Duration = Duration::from_secs(2);
-
-/// Where the other end is: the `LINK` of the command line.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum LinkSpec {
-    /// `serial:PATH:BAUD`
-    Serial {
-        /// Device file.
-        path: String,
-        /// Symbols per second.
-        baud: u32,
-    },
-    /// `udp:HOST:PORT`, speaks first.
-    Udp(Host),
-    /// `udp-listen:HOST:PORT`, answers whoever writes.
-    UdpListen(Host),
-    /// `tcp:HOST:PORT`, dials and redials.
-    Tcp(Host),
-    /// `tcp-listen:HOST:PORT`, one client at a time.
-    TcpListen(Host),
-}
-
-/// Host and port; the host is the loopback unless given.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Host {
-    /// Name or address.
-    pub name: String,
-    /// Port; 0 lets the system choose one to listen on.
-    pub port: u16,
-}
-
-/// A `LINK` that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "\"{text}\" is no link: {reason}; expected serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, \
-     tcp:HOST:PORT or tcp-listen:HOST:PORT"
-)]
-pub struct LinkSpecError {
-    text: String,
-    reason: String,
-}
-
-/// A link that cannot be opened.
-#[derive(Debug, thiserror::Error)]
-#[error("{link}: {failure}")]
-pub struct LinkError {
-    /// The link as it was asked for.
-    pub link: String,
-    /// Why.
-    pub failure: OpenFailure,
-}
-
-/// Why a port or socket cannot be opened.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{cause}")]
-pub struct OpenFailure {
-    /// What kind of failure the system reports.
-    pub kind: io::ErrorKind,
-    /// What the system says, and what to do about it.
-    pub cause: String,
-}
 
 /// What happened to a link besides bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -111,10 +49,10 @@ pub enum Notice {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hold {
     /// Never: a vehicle is in its hands, or simulated time stands.
-    Kept,
+    Keep,
     /// After a while of silence.
     #[default]
-    Free,
+    Release,
 }
 
 /// What a link has moved.
@@ -187,83 +125,6 @@ enum Transport {
     },
 }
 
-impl LinkSpec {
-    /// The kind of link, as the command line spells it.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Serial { .. } => "serial",
-            Self::Udp(_) => "udp",
-            Self::UdpListen(_) => "udp-listen",
-            Self::Tcp(_) => "tcp",
-            Self::TcpListen(_) => "tcp-listen",
-        }
-    }
-}
-
-impl std::str::FromStr for LinkSpec {
-    type Err = LinkSpecError;
-
-    fn from_str(text: &str) -> Result<Self, LinkSpecError> {
-        let error = |reason: String| LinkSpecError { text: text.to_owned(), reason };
-        let Some((kind, rest)) = text.split_once(':') else {
-            return Err(error("no kind before a colon".to_owned()));
-        };
-        let host = || -> Result<Host, LinkSpecError> {
-            let (name, port) = rest.rsplit_once(':').unwrap_or(("", rest));
-            let port = port.parse().map_err(|_| error(format!("\"{port}\" is no port, 0 to 65535")))?;
-            let name = name.trim_start_matches('[').trim_end_matches(']');
-            Ok(Host { name: if name.is_empty() { "127.0.0.1" } else { name }.to_owned(), port })
-        };
-        let dialled = |host: Host| -> Result<Host, LinkSpecError> {
-            if host.port == 0 { Err(error("port 0 is only for listening".to_owned())) } else { Ok(host) }
-        };
-        match kind {
-            "serial" => {
-                let Some((path, baud)) = rest.rsplit_once(':') else {
-                    return Err(error("no baud rate after the path".to_owned()));
-                };
-                let baud = baud.parse().ok().filter(|baud| BAUD_RANGE.contains(baud));
-                let baud = baud.ok_or_else(|| {
-                    error(format!(
-                        "the baud rate is no number from {} to {}",
-                        BAUD_RANGE.start(),
-                        BAUD_RANGE.end()
-                    ))
-                })?;
-                if path.is_empty() {
-                    return Err(error("the path is empty".to_owned()));
-                }
-                Ok(Self::Serial { path: path.to_owned(), baud })
-            }
-            "udp" => Ok(Self::Udp(dialled(host()?)?)),
-            "udp-listen" => Ok(Self::UdpListen(host()?)),
-            "tcp" => Ok(Self::Tcp(dialled(host()?)?)),
-            "tcp-listen" => Ok(Self::TcpListen(host()?)),
-            _ => Err(error(format!("unknown kind \"{kind}\""))),
-        }
-    }
-}
-
-impl std::fmt::Display for LinkSpec {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Serial { path, baud } => write!(f, "serial:{path}:{baud}"),
-            Self::Udp(h) | Self::UdpListen(h) | Self::Tcp(h) | Self::TcpListen(h) => {
-                let bracket = h.name.contains(':');
-                let (open, close) = if bracket { ("[", "]") } else { ("", "") };
-                write!(f, "{}:{open}{}{close}:{}", self.kind(), h.name, h.port)
-            }
-        }
-    }
-}
-
-impl Host {
-    fn resolve(&self) -> io::Result<SocketAddr> {
-        let mut addresses = (self.name.as_str(), self.port).to_socket_addrs()?;
-        addresses.next().ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "the host has no address"))
-    }
-}
-
 impl Link {
     /// Opens or starts to listen. Nobody needs to be at the other end yet.
     pub fn open(spec: &LinkSpec) -> Result<Self, LinkError> {
@@ -299,7 +160,7 @@ impl Link {
             }
             LinkSpec::Tcp(host) => {
                 let peer = host.resolve().map_err(error)?;
-                let (dialled, redial) = dial(peer);
+                let (dialled, redial) = tcp::dial(peer);
                 (Transport::TcpDial { dialled, redial, stream: None }, format!("{kind}:{peer}"))
             }
             LinkSpec::TcpListen(host) => {
@@ -456,7 +317,7 @@ impl Link {
                         if self.strangers.is_news(SocketAddr::new(address.ip(), 0)) {
                             self.notices.push(Notice::Refused(address.to_string()));
                         }
-                    } else if prepare(&newcomer).is_ok() {
+                    } else if tcp::prepare(&newcomer).is_ok() {
                         *stream = Some(newcomer);
                         self.queue.clear();
                         self.notices.push(Notice::Connected(address.to_string()));
@@ -466,7 +327,7 @@ impl Link {
             Transport::TcpDial { dialled, stream, .. } => {
                 if stream.is_none()
                     && let Ok(newcomer) = dialled.try_recv()
-                    && prepare(&newcomer).is_ok()
+                    && tcp::prepare(&newcomer).is_ok()
                 {
                     let address = newcomer.peer_addr().map_or_else(|e| e.to_string(), |a| a.to_string());
                     *stream = Some(newcomer);
@@ -505,7 +366,7 @@ impl Link {
                 let now = Instant::now();
                 if *peer != Some(from) {
                     let free = *listens
-                        && (peer.is_none() || (self.hold == Hold::Free && now - *heard > PEER_SILENCE));
+                        && (peer.is_none() || (self.hold == Hold::Release && now - *heard > PEER_SILENCE));
                     if !free {
                         self.counters.refused += 1;
                         if self.strangers.is_news(from) {
@@ -569,91 +430,5 @@ impl Link {
             Transport::Pipe { stream, .. } => *stream = None,
         }
         self.notices.push(Notice::Disconnected(why));
-    }
-}
-
-/// Small frames must not wait for the acknowledgement of the one before, and a host that is gone without a word
-/// (unplugged, crashed) must not hold the connection: what is sent to it is given up, and it is asked when idle.
-fn prepare(stream: &TcpStream) -> io::Result<()> {
-    use rustix::net::sockopt;
-    stream.set_nonblocking(true)?;
-    stream.set_nodelay(true)?;
-    sockopt::set_tcp_user_timeout(stream, TCP_SILENCE.as_millis() as u32)?;
-    sockopt::set_tcp_keepidle(stream, TCP_SILENCE / 2)?;
-    sockopt::set_tcp_keepintvl(stream, TCP_SILENCE / 2)?;
-    sockopt::set_tcp_keepcnt(stream, 1)?;
-    Ok(sockopt::set_socket_keepalive(stream, true)?)
-}
-
-/// A thread that dials until somebody answers, then again whenever it is asked to.
-fn dial(peer: SocketAddr) -> (Receiver<TcpStream>, std::sync::mpsc::Sender<()>) {
-    let (dialled_in, dialled) = std::sync::mpsc::channel();
-    let (redial, asked) = std::sync::mpsc::channel();
-    std::thread::spawn(move || {
-        loop {
-            match TcpStream::connect_timeout(&peer, Duration::from_secs(1)) {
-                Ok(stream) => {
-                    if dialled_in.send(stream).is_err() || asked.recv().is_err() {
-                        return;
-                    }
-                }
-                Err(_) => {
-                    if asked.try_recv() == Err(TryRecvError::Disconnected) {
-                        return;
-                    }
-                    std::thread::sleep(Duration::from_millis(100));
-                }
-            }
-        }
-    });
-    (dialled, redial)
-}
-
-impl OpenFailure {
-    /// What the system says, and what usually helps.
-    pub(crate) fn of(cause: &io::Error) -> Self {
-        let hint = match cause.kind() {
-            io::ErrorKind::AddrInUse => "; another program listens there: stop it, or choose another port",
-            io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
-            io::ErrorKind::NotFound => "; no such port or host",
-            io::ErrorKind::PermissionDenied => {
-                "; may this user open it? For a serial port: sudo usermod -aG dialout $USER, then log in again"
-            }
-            _ => "",
-        };
-        Self { kind: cause.kind(), cause: format!("{cause}{hint}") }
-    }
-
-    /// The same for a device file, with the name of whoever holds it.
-    pub(crate) fn of_port(cause: &io::Error, path: &Path) -> Self {
-        if cause.kind() != io::ErrorKind::ResourceBusy {
-            return Self::of(cause);
-        }
-        let holders: Vec<String> = port::holders(path).iter().map(ToString::to_string).collect();
-        let held = if holders.is_empty() {
-            "held by another program that this user may not see (a ground station, ModemManager?)".to_owned()
-        } else {
-            format!("held by {}", holders.join(", "))
-        };
-        Self { kind: cause.kind(), cause: format!("{cause}; {held}") }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_stream_notices_a_host_that_vanished() {
-        use rustix::net::sockopt;
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let dialled = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
-        let (accepted, _) = listener.accept().unwrap();
-        for stream in [dialled, accepted] {
-            prepare(&stream).unwrap();
-            assert_eq!(sockopt::tcp_user_timeout(&stream).unwrap(), 2000);
-            assert!(sockopt::socket_keepalive(&stream).unwrap());
-            assert_eq!(sockopt::tcp_keepidle(&stream).unwrap(), Duration::from_secs(1));
-        }
     }
 }

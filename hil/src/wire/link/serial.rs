@@ -19,7 +19,7 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{SerialPort, SerialPortBuilderExt, SerialStream};
 
-use super::OpenFailure;
+use super::failure::OpenFailure;
 use crate::wire::port;
 
 /// Bytes that may wait between the two threads: a tenth of a second at 921600 baud. What waits longer is
@@ -33,7 +33,7 @@ const BAUD_TOLERANCE: f64 = 0.02;
 
 /// What happened to the port.
 #[derive(Debug)]
-pub enum Event {
+pub(super) enum Event {
     /// Open, again; under which path.
     Opened(String),
     /// Gone, and why.
@@ -42,11 +42,11 @@ pub enum Event {
 
 /// An open port, as the link holds it.
 #[derive(Debug)]
-pub struct Port {
+pub(super) struct Port {
     /// Losses and returns.
-    pub events: Receiver<Event>,
+    pub(super) events: Receiver<Event>,
     /// What was found and set, for people.
-    pub settings: String,
+    pub(super) settings: String,
     timer: SharedTimer,
 }
 
@@ -63,7 +63,7 @@ impl Drop for Port {
 }
 
 /// Opens the port; later losses and returns come as events.
-pub fn open(path: &str, baud: u32) -> Result<(UnixStream, Port), OpenFailure> {
+pub(super) fn open(path: &str, baud: u32) -> Result<(UnixStream, Port), OpenFailure> {
     let failed = |e: io::Error| OpenFailure::of(&e);
     let (near, far) = UnixStream::pair().map_err(failed)?;
     for end in [&near, &far] {

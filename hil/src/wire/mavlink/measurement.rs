@@ -3,15 +3,19 @@
 //! Units as flight controllers read them: pressure in hPa, magnetic field in gauss, `eph`/`epv` of HIL_GPS
 //! as accuracy in cm although the message's text says dilution, accelerations of HIL_STATE_QUATERNION in mg.
 
+use ::mavlink::dialects::common as dialect;
+use ::mavlink::dialects::common::MavMessage;
 use hopbench::environment::atmosphere::STANDARD_GRAVITY_M_S2;
+use hopbench::environment::geodesy::Datum;
 use hopbench::frame::Vec3;
+use hopbench::plant::Snapshot;
 use hopbench::signal::{
     AltimeterSample, BarometerSample, BrokenImu, GnssFix, ImuSample, Measurement, Pressures, TrackingSample,
 };
 use hopbench::time::SimTime;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::{MavMessage, dialect, milliseconds};
+use super::message::milliseconds;
 
 const UPDATED_ACCELEROMETER: u32 = 0x7;
 const UPDATED_GYROSCOPE: u32 = 0x38;
@@ -26,29 +30,8 @@ const TESLA_PER_GAUSS: f64 = 1e-4;
 const QUALITY_GOOD: u8 = 100;
 const QUALITY_INVALID: u8 = 1;
 
-/// True state of the vehicle, for HIL_STATE_QUATERNION only.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrueState {
-    /// Attitude.
-    pub q_ned_from_body: UnitQuaternion<f64>,
-    /// Body rate (rad/s).
-    pub rate_body_rad_s: Vec3,
-    /// Latitude (rad).
-    pub latitude_rad: f64,
-    /// Longitude (rad).
-    pub longitude_rad: f64,
-    /// Height above mean sea level (m).
-    pub altitude_m: f64,
-    /// Velocity over ground (m/s).
-    pub velocity_ned_m_s: Vec3,
-    /// Speed through the air (m/s).
-    pub airspeed_m_s: f64,
-    /// Specific force, body FRD (m/s²).
-    pub specific_force_body_m_s2: Vec3,
-}
-
-/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The beat goes
-/// on when the unit has nothing to tell; then the mask says so.
+/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The
+/// beat goes on when the unit has nothing to tell; then the mask says so.
 pub fn hil_sensor(measurement: &Measurement) -> Option<MavMessage> {
     let (force, rate, temperature_k) = match (&measurement.imu, &measurement.broken_imu) {
         (Some(imu), _) => (Some(imu.specific_force_body_m_s2), Some(imu.rate_body_rad_s), imu.temperature_k),
@@ -185,25 +168,26 @@ pub fn pressure(name: &str, pressure_pa: f64, time_us: u64) -> MavMessage {
     })
 }
 
-/// HIL_STATE_QUATERNION
-pub fn hil_state_quaternion(state: &TrueState, time_us: u64) -> MavMessage {
-    let q = state.q_ned_from_body;
-    let (rate, v) = (state.rate_body_rad_s, state.velocity_ned_m_s);
-    let acceleration_mg = state.specific_force_body_m_s2 / STANDARD_GRAVITY_M_S2 * 1e3; // m/s² -> mg
+/// HIL_STATE_QUATERNION: the true state of the gimbal pivot.
+pub fn hil_state_quaternion(now: &Snapshot, datum: &Datum, time_us: u64) -> MavMessage {
+    let (q, place) = (now.q_ned_from_body, datum.geodetic(&now.position_ned_m));
+    let (rate, v) = (now.rate_body_rad_s, now.velocity_ned_m_s);
+    let airspeed_m_s = (now.velocity_ned_m_s - now.wind_ned_m_s).norm();
+    let acceleration_mg = now.specific_force_body_m_s2 / STANDARD_GRAVITY_M_S2 * 1e3; // m/s² -> mg
     MavMessage::HIL_STATE_QUATERNION(dialect::HIL_STATE_QUATERNION_DATA {
         time_usec: time_us,
         attitude_quaternion: [q.w, q.i, q.j, q.k].map(|c| c as f32),
         rollspeed: rate.x as f32,
         pitchspeed: rate.y as f32,
         yawspeed: rate.z as f32,
-        lat: deg_e7(state.latitude_rad),
-        lon: deg_e7(state.longitude_rad),
-        alt: (state.altitude_m * 1e3).round() as i32, // m -> mm
+        lat: deg_e7(place.latitude_rad),
+        lon: deg_e7(place.longitude_rad),
+        alt: (place.altitude_m * 1e3).round() as i32, // m -> mm
         vx: centi_i16(v.x),
         vy: centi_i16(v.y),
         vz: centi_i16(v.z),
-        ind_airspeed: centi_u16(state.airspeed_m_s),
-        true_airspeed: centi_u16(state.airspeed_m_s),
+        ind_airspeed: centi_u16(airspeed_m_s),
+        true_airspeed: centi_u16(airspeed_m_s),
         xacc: acceleration_mg.x.round() as i16,
         yacc: acceleration_mg.y.round() as i16,
         zacc: acceleration_mg.z.round() as i16,
@@ -212,12 +196,12 @@ pub fn hil_state_quaternion(state: &TrueState, time_us: u64) -> MavMessage {
 
 /// The other side: gathers HIL messages until a HIL_SENSOR completes a measurement.
 #[derive(Debug, Default)]
-pub struct Gatherer {
+pub struct MeasurementReader {
     pending: Measurement,
     last_time: Option<SimTime>,
 }
 
-impl Gatherer {
+impl MeasurementReader {
     /// Takes one message; a HIL_SENSOR gives the measurement with all that came before it.
     pub fn take(&mut self, message: &MavMessage) -> Option<Measurement> {
         if is_reset(message) {
@@ -394,9 +378,9 @@ mod tests {
         let (mut encoder, mut decoder, mut bytes) = (Encoder::new(1, 200), Decoder::default(), Vec::new());
         messages.iter().for_each(|message| encoder.encode(message, &mut bytes));
         decoder.push(&bytes);
-        let mut gatherer = Gatherer::default();
+        let mut reader = MeasurementReader::default();
         let got: Vec<Measurement> = std::iter::from_fn(|| decoder.next_frame())
-            .filter_map(|frame| gatherer.take(&frame.message().unwrap()))
+            .filter_map(|frame| reader.take(&frame.message().unwrap()))
             .collect();
         let [got] = &got[..] else { panic!("{got:?}") };
         assert_eq!(got.time, m.time);
@@ -463,7 +447,7 @@ mod tests {
         for expected in [0x38, 0] {
             m.broken_imu = Some(unit);
             assert_eq!(mask(&m), expected);
-            let got = Gatherer::default().take(&hil_sensor(&m).unwrap()).unwrap();
+            let got = MeasurementReader::default().take(&hil_sensor(&m).unwrap()).unwrap();
             let left = got.broken_imu.unwrap();
             assert!(got.imu.is_none() && left.specific_force_body_m_s2.is_none());
             assert_eq!(left.rate_body_rad_s.is_some(), expected != 0);
@@ -475,9 +459,9 @@ mod tests {
     fn no_reading_is_sent_as_invalid_and_read_as_none() {
         let mut m = full();
         m.altimeter = Some(AltimeterSample { range_m: None, minimum_m: 0.2, maximum_m: 40.0 });
-        let mut gatherer = Gatherer::default();
-        assert!(gatherer.take(&distance_sensor(&m).unwrap()).is_none());
-        let got = gatherer.take(&hil_sensor(&m).unwrap()).unwrap();
+        let mut reader = MeasurementReader::default();
+        assert!(reader.take(&distance_sensor(&m).unwrap()).is_none());
+        let got = reader.take(&hil_sensor(&m).unwrap()).unwrap();
         assert_eq!(got.altimeter.unwrap().range_m, None);
     }
 }

@@ -1,15 +1,16 @@
 //! The true vehicle as telemetry: for people and scripts that watch a run, never for a flight controller to fly by.
 
+use ::mavlink::dialects::common as dialect;
+use ::mavlink::dialects::common::MavMessage;
 use hopbench::environment::geodesy::Datum;
 use hopbench::frame::heading_rad;
 use hopbench::plant::Snapshot;
 use hopbench::plant::column::ARRAY;
 
+use super::frame::{MODE_ARMED, MODE_HIL};
 use super::measurement::{centi_i16, deg_e7};
-use super::{MODE_ARMED, MODE_HIL, MavMessage, dialect, milliseconds};
+use super::message::milliseconds;
 
-/// DEBUG_FLOAT_ARRAY's number.
-pub const PLANT_ARRAY_ID: u32 = 350;
 /// `name` and `array_id` of the one that holds the plant.
 pub const PLANT_ARRAY: (&str, u16) = ("plant", 1);
 

@@ -11,15 +11,16 @@
 //! | servo | 1 gimbal x, 2 gimbal y | - | stuck | - | offset | slow | - | - | - |
 //! | mavlink signal | 1 to the flight controller, 2 from it | disconnect | - | corrupt | - | - | delay | drop | - |
 //!
-//! A dash, and every other unit, is MAV_RESULT_UNSUPPORTED. So is instance 0 where not all parts can fail in that way: a
-//! command that did half of what it says would be a lie. An instance beyond the parts is MAV_RESULT_DENIED. Type OK mends
-//! what acts in the parts, whoever broke it. The values are the catalogue's defaults; other values: by parameter.
+//! A dash, and every other unit, is MAV_RESULT_UNSUPPORTED. So is instance 0 where not all parts can fail in that
+//! way: a command that did half of what it says would be a lie. An instance beyond the parts is MAV_RESULT_DENIED.
+//! Type OK mends what acts in the parts, whoever broke it. The values are the catalogue's defaults; other values:
+//! by parameter.
 
 use hopbench::fault::{Component, Mode, row};
 
 /// What a command means.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// These are to break.
     Break(Vec<(Component, Mode)>),
     /// These are to be mended.
@@ -34,7 +35,7 @@ pub enum Failure {
 const OK: u32 = 0;
 
 /// What unit, type and instance of the command mean; what is not a whole number means nothing.
-pub fn failure(unit: f32, kind: f32, instance: f32) -> Failure {
+pub(crate) fn failure(unit: f32, kind: f32, instance: f32) -> Failure {
     let whole = |number: f32| (number >= 0.0 && number.fract() == 0.0).then_some(number as u32);
     // Senders leave parameters that they do not use at 0 or NaN.
     let instance = if instance.is_nan() { 0.0 } else { instance };
