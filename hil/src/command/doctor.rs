@@ -8,8 +8,8 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json, print_text};
-use crate::doctor::{Explanation, Finding, Observation, Severity};
-use crate::doctor::{diagnose, diagnose_machine, listen, machine, mapped};
+use crate::doctor::{Finding, Observation, Severity};
+use crate::doctor::{diagnose, diagnose_machine, listen, machine, mapped_channels};
 use crate::load;
 use crate::wire::link::{Link, LinkSpec};
 use crate::wire::port;
@@ -39,27 +39,26 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     leaves_nothing(common, "redirect what it prints")?;
     let (heading, findings) = match &args.fc {
-        None => ("this machine".to_owned(), diagnose_machine(&machine::look())),
+        None => ("this machine".to_owned(), diagnose_machine(&machine::inspect())),
         Some(spec) => {
             let observation = observe(args, common, spec)?;
             (format!("{spec}, profile {}", observation.profile.name), diagnose(&observation))
         }
     };
-    let explanations: Vec<Explanation> = findings.iter().map(Finding::explanation).collect();
-    let count = |severity| explanations.iter().filter(|explanation| explanation.severity == severity).count();
+    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
     let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
     if common.json {
         print_json(&json!({
-            "looked_at": heading, "errors": errors, "warnings": warnings, "findings": explanations,
+            "looked_at": heading, "errors": errors, "warnings": warnings, "findings": findings,
         }))?;
     } else {
-        let told: String = explanations.iter().map(paragraph).collect();
-        print_text(&format!("{heading}\n\n{told}errors {errors}, warnings {warnings}\n"))?;
+        let paragraphs: String = findings.iter().map(paragraph).collect();
+        print_text(&format!("{heading}\n\n{paragraphs}errors {errors}, warnings {warnings}\n"))?;
     }
     Ok(ExitCode::from(if errors > 0 { DEVICE_FAILED } else { DONE }))
 }
 
-/// Opens the link, listens, and puts together what was seen.
+/// Opens the link, listens, and puts together what was observed.
 fn observe(args: &Args, common: &Common, spec: &LinkSpec) -> Result<Observation> {
     let profile = args.profile.as_deref().and_then(profile::named);
     let profile = profile.unwrap_or_else(|| profile::default_for(spec));
@@ -75,43 +74,43 @@ fn observe(args: &Args, common: &Common, spec: &LinkSpec) -> Result<Observation>
             }
         });
     rates.imu_hz = args.sensor_hz.map_or(rates.imu_hz, f64::from);
-    let mut seen = Observation {
+    let mut observed = Observation {
         link: spec.clone(),
         profile,
         rates,
-        map: scenario.as_ref().map(|s| mapped(&s.vehicle.controls, s.file.sequence.source)),
+        map: scenario.as_ref().map(|s| mapped_channels(&s.vehicle.controls, s.file.sequence.source)),
         failure: None,
         holders: Vec::new(),
         ports: port::present(),
-        heard: Default::default(),
+        traffic: Default::default(),
     };
     let mut link = match Link::open(spec) {
         Ok(link) => link,
         Err(error) => {
-            seen.failure = Some(error.failure);
-            return Ok(seen);
+            observed.failure = Some(error.failure);
+            return Ok(observed);
         }
     };
     if let LinkSpec::Serial { path, .. } = spec {
-        seen.holders = port::other_holders(path.as_ref());
+        observed.holders = port::other_holders(path.as_ref());
     }
     let stop = hil::stop_on_signal()?;
     eprintln!("listening on {} for {} s", link.address(), args.listen_s);
     link.port_settings().into_iter().for_each(|settings| eprintln!("{settings}"));
     let time = Duration::from_secs_f64(args.listen_s);
-    seen.heard = listen::listen(&mut link, profile, &rates, time, &stop);
-    Ok(seen)
+    observed.traffic = listen::listen(&mut link, profile, &rates, time, &stop);
+    Ok(observed)
 }
 
-fn paragraph(explanation: &Explanation) -> String {
-    let severity = match explanation.severity {
+fn paragraph(finding: &Finding) -> String {
+    let severity = match finding.severity {
         Severity::Ok => "ok",
         Severity::Warning => "warning",
         Severity::Error => "error",
     };
-    let mut text = format!("{severity:<8} {}: {}\n", explanation.name, explanation.seen);
-    if explanation.severity != Severity::Ok {
-        text += &format!("         why: {}\n         do:  {}\n", explanation.why, explanation.fix);
+    let mut text = format!("{severity:<8} {}: {}\n", finding.name, finding.seen);
+    if finding.severity != Severity::Ok {
+        text += &format!("         why: {}\n         do:  {}\n", finding.why, finding.fix);
     }
     text
 }
