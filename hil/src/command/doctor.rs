@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, hil, leaves_nothing, print_json, print_text};
+use super::{Common, DEVICE_FAILED, DONE, hil, print_json, print_text, refuse_out, sensor_rate};
 use crate::doctor::{Finding, Observation, Severity};
 use crate::doctor::{diagnose, diagnose_machine, listen, machine, mapped_channels};
 use crate::load;
@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", requires = "fc")]
     pub scenario: Option<PathBuf>,
     /// Rate of HIL_SENSOR; a divisor of 1000. By default the scenario's vehicle's, else 250
-    #[arg(long, value_name = "HZ", value_parser = hil::sensor_rate, requires = "fc")]
+    #[arg(long, value_name = "HZ", value_parser = sensor_rate, requires = "fc")]
     pub sensor_hz: Option<u32>,
     /// How long to listen
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = seconds)]
@@ -37,7 +37,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
-    leaves_nothing(common, "redirect what it prints")?;
+    refuse_out(common, "redirect what it prints")?;
     let (heading, findings) = match &args.fc {
         None => ("this machine".to_owned(), diagnose_machine(&machine::inspect())),
         Some(spec) => {

@@ -7,11 +7,10 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use hopbench::input::{Diagnostic, InputError};
 use hopbench::plant::Snapshot;
 use hopbench::simulation;
 
-use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use super::{Common, DONE, UNEXPECTED, option_error, print_json, print_text};
 use crate::bench::pace::{Distribution, now_ns};
 use crate::evidence::report::{RunFolder, summary};
 use crate::load;
@@ -35,15 +34,8 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if args.csv_rate == 0 || 1000 % args.csv_rate != 0 {
-        return Err(InputError {
-            file: "command line".to_owned(),
-            diagnostics: vec![Diagnostic {
-                line: None,
-                key: "--csv-rate".to_owned(),
-                message: format!("{} is out of range; allowed: the divisors of 1000", args.csv_rate),
-            }],
-        }
-        .into());
+        let message = format!("{} is out of range; allowed: the divisors of 1000", args.csv_rate);
+        return Err(option_error("--csv-rate", message).into());
     }
     let scenario = load::scenario(&args.scenario, &common.set, args.commands.as_deref())?;
     load::flyable(&args.scenario, &scenario)?;

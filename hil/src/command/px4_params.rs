@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use serde_json::json;
 
-use super::{Common, DONE, print_json, print_text, wrong};
+use super::{Common, DONE, in_range, option_error, print_json, print_text};
 use crate::evidence::report::RunFolder;
 use crate::load::{self, Kind};
 use crate::px4::budget::Hop;
@@ -25,14 +25,6 @@ pub struct Args {
     pub hold_s: f64,
 }
 
-/// A number of the command line within its allowed range.
-fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64> {
-    if (least..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(wrong(name, format!("{value} is out of range; allowed {least} to {most}")).into())
-}
-
 /// The folder of a vehicle that nobody named one for: letters, digits and the like of its name.
 fn folder_of(vehicle: &str) -> PathBuf {
     let plain = |c: char| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
@@ -42,8 +34,8 @@ fn folder_of(vehicle: &str) -> PathBuf {
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let hop = Hop {
-        height_m: within("--height-m", args.height_m, 2.0, 200.0)?,
-        hold_s: within("--hold-s", args.hold_s, 0.0, 300.0)?,
+        height_m: in_range("--height-m", args.height_m, 2.0, 200.0)?,
+        hold_s: in_range("--hold-s", args.hold_s, 0.0, 300.0)?,
     };
     let document = load::document(&args.vehicle)?;
     if load::kind(&document)? != Kind::Vehicle {
@@ -52,7 +44,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;
     let airframe = airframe(&vehicle, &hop).map_err(|fault| {
         if fault.key.starts_with("--") {
-            wrong(&fault.key, fault.message)
+            option_error(&fault.key, fault.message)
         } else {
             document.error(vec![fault])
         }

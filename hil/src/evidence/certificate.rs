@@ -20,7 +20,7 @@ const NAMED_CHANGES: usize = 10;
 
 /// How the run was set up, as far as the report does not say.
 #[derive(Clone, Copy, Debug)]
-pub struct Bench<'a> {
+pub struct BenchSetup<'a> {
     /// Name of the profile.
     pub profile: &'a str,
     /// The link as it was bound.
@@ -31,9 +31,9 @@ pub struct Bench<'a> {
 
 /// The computer that it ran on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Machine {
-    /// Name.
-    pub host: String,
+pub struct Host {
+    /// Its name.
+    pub name: String,
     /// Kernel's release and build.
     pub kernel: String,
     /// Model and number of its processors.
@@ -42,7 +42,7 @@ pub struct Machine {
     pub clock: String,
 }
 
-impl Machine {
+impl Host {
     /// This one.
     pub fn here() -> Self {
         let system = rustix::system::uname();
@@ -54,7 +54,7 @@ impl Machine {
         let count = std::thread::available_parallelism().map_or(0, usize::from);
         let clock = file("/sys/devices/system/clocksource/clocksource0/current_clocksource");
         Self {
-            host: text(system.nodename()),
+            name: text(system.nodename()),
             kernel: format!(
                 "{} {} {}",
                 text(system.sysname()),
@@ -68,7 +68,7 @@ impl Machine {
 }
 
 /// The page.
-pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
+pub fn page(report: &Report, setup: &BenchSetup<'_>, host: &Host) -> String {
     let mut page = Page::default();
     let t = &report.timing;
     page.line("HOPBENCH TIMING CERTIFICATE");
@@ -77,10 +77,10 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
     page.entry("scenario", &format!("{}, seed {}", report.scenario, report.seed));
     page.entry("version", concat!("hopbench ", env!("CARGO_PKG_VERSION")));
     page.entry("state hash", &report.state_hash);
-    page.entry("host", &machine.host);
-    page.entry("kernel", &machine.kernel);
-    page.entry("processor", &format!("{}, clock {}", machine.cpu, machine.clock));
-    page.entry("link", &format!("{}, profile {}", bench.link, bench.profile));
+    page.entry("host", &host.name);
+    page.entry("kernel", &host.kernel);
+    page.entry("processor", &format!("{}, clock {}", host.cpu, host.clock));
+    page.entry("link", &format!("{}, profile {}", setup.link, setup.profile));
     page.entry("pacing", t.pacing.as_deref().unwrap_or("none"));
     let sensor = t.sensor_hz.map_or(String::new(), |hz| format!(", sensors {hz:.0} Hz"));
     page.entry("plant", &format!("{}, {:.0} Hz{sensor}", name(&t.plant_mode), t.plant_hz));
@@ -93,7 +93,7 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
     }
     scheduler(&mut page, t.scheduler.as_ref());
     times(&mut page, t);
-    overruns(&mut page, t, bench);
+    overruns(&mut page, t, setup);
     if let Some(link) = &report.link {
         wire(&mut page, link, report);
     }
@@ -185,7 +185,7 @@ fn times(page: &mut Page, t: &Timing) {
     }
 }
 
-fn overruns(page: &mut Page, t: &Timing, bench: &Bench<'_>) {
+fn overruns(page: &mut Page, t: &Timing, setup: &BenchSetup<'_>) {
     page.head(&format!(
         "Steps: {} in {:.3} s, {:.3} s simulated. Overruns, steps begun more than a step late: {}",
         t.steps, t.wall_s, t.simulated_s, t.overruns
@@ -195,7 +195,7 @@ fn overruns(page: &mut Page, t: &Timing, bench: &Bench<'_>) {
     page.entry("late at the end", &format!("{} steps", t.overruns_open));
     page.judged("slips", &format!("{}, {:.6} s altogether", t.slips, t.slipped_s), "0", t.slips == 0);
     if let Some(unaccounted_us) = t.unaccounted_us {
-        let limit_us = bench.step_s * 1e6;
+        let limit_us = setup.step_s * 1e6;
         let value = format!("{unaccounted_us:.1} us of wall time");
         page.judged(
             "unaccounted for",

@@ -7,5 +7,6 @@ pub mod certificate;
 pub mod drawing;
 pub mod report;
 pub mod throttle_map;
+pub mod valve_map;
 
 pub mod campaign;

@@ -6,10 +6,10 @@ use std::fmt::Write;
 use hopbench::scenario::Success;
 use serde::Serialize;
 
-use super::folder::Shard;
+use super::definition::Campaign;
+use super::slot::Shard;
 use super::statistics::{Median, RateBounds, mcnemar_p, quantile};
 use super::table::Row;
-use super::{Campaign, Slot};
 
 /// A campaign, as reported. Keys are a contract.
 #[derive(Clone, Debug, Serialize)]
@@ -479,9 +479,4 @@ impl Comparison {
             );
         }
     }
-}
-
-/// Slots of a shard, or all.
-pub fn share(slots: Vec<Slot>, shard: Option<Shard>) -> Vec<Slot> {
-    slots.into_iter().filter(|slot| shard.is_none_or(|shard| shard.has(slot.run))).collect()
 }
