@@ -15,7 +15,8 @@ use crate::evidence::campaign::slot::{Shard, Slot, slots_of};
 use crate::evidence::campaign::summary::Summary;
 use crate::evidence::campaign::table::Row;
 use crate::evidence::campaign::{Campaign, picture};
-use crate::evidence::report::{RunFolder, summary};
+use crate::evidence::run_folder::RunFolder;
+use crate::evidence::summary;
 
 /// Fly a scenario many times with values drawn anew; statistics with confidence bounds
 #[derive(Debug, clap::Args)]
@@ -204,13 +205,13 @@ fn fly_one(campaign: &Campaign, seed: u32, args: &Args, common: &Common) -> Resu
     let drawn = report.overrides.clone();
     report.overrides = common.set.iter().cloned().chain(drawn).collect();
     if let Some(folder) = &folder {
-        folder.write(&mut report)?;
+        folder.write_report(&mut report)?;
     }
     if common.json {
         print_json(&report)?;
     } else {
         let values: String = report.overrides.iter().map(|pair| format!("set            {pair}\n")).collect();
-        print_text(&(values + &summary(&report)))?;
+        print_text(&(values + &summary::text(&report)))?;
     }
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
 }

@@ -10,7 +10,7 @@ use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::vehicle::Vehicle;
 
 use super::{Common, DONE, in_range, print_json, print_text, refuse_out};
-use crate::evidence::report::RunFolder;
+use crate::evidence::run_folder::RunFolder;
 use crate::evidence::throttle_map::{Point, ThrottleMap};
 use crate::evidence::valve_map;
 use crate::load;
@@ -98,9 +98,9 @@ fn sweep(common: &Common, vehicle: &Vehicle, setup: &Setup) -> Result<()> {
     let map = ThrottleMap::new(vehicle, &setup.feed, &setup.condition);
     if let Some(out) = &common.out {
         let folder = RunFolder::create(out)?;
-        folder.leave("throttle_map.svg", &map.svg()?)?;
-        folder.leave("sweep.csv", &map.csv())?;
-        folder.leave("sweep.json", &(serde_json::to_string_pretty(&map)? + "\n"))?;
+        folder.write_file("throttle_map.svg", &map.svg()?)?;
+        folder.write_file("sweep.csv", &map.csv())?;
+        folder.write_file("sweep.json", &(serde_json::to_string_pretty(&map)? + "\n"))?;
     }
     if common.json { print_json(&map) } else { print_text(&sweep_text(&setup.title, &map, vehicle)) }
 }

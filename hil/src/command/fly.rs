@@ -12,7 +12,8 @@ use hopbench::simulation;
 
 use super::{Common, DONE, UNEXPECTED, option_error, print_json, print_text};
 use crate::bench::pace::{Distribution, now_ns};
-use crate::evidence::report::{RunFolder, summary};
+use crate::evidence::run_folder::RunFolder;
+use crate::evidence::summary;
 use crate::load;
 
 /// Fly a scenario in memory: built-in autopilot, or an open-loop schedule
@@ -65,12 +66,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.timing.step_us = cost.durations.percentiles();
     report.overrides = common.set.clone();
     if let Some(folder) = &folder {
-        folder.write(&mut report)?;
+        folder.write_report(&mut report)?;
     }
     if common.json {
         print_json(&report)?;
     } else {
-        print_text(&summary(&report))?;
+        print_text(&summary::text(&report))?;
     }
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
 }

@@ -19,7 +19,8 @@ use crate::bench::live::Live;
 use crate::bench::realtime::{self, Privileges};
 use crate::bench::{Belief, Bench, Options};
 use crate::evidence::certificate::{self, BenchSetup, Host};
-use crate::evidence::report::{RunFolder, summary};
+use crate::evidence::run_folder::RunFolder;
+use crate::evidence::summary;
 use crate::load;
 use crate::wire::link::{Link, LinkSpec};
 use crate::wire::profile::{self, Budget, Pacing, Profile, SensorRates};
@@ -237,13 +238,13 @@ fn present(
     // A flight that somebody cut short is judged too, but its verdict is not the run's.
     let others_passed = report.flights.iter().all(|flight| flight.expect.passed || flight.is_excused());
     // The verdict is printed whatever becomes of the disk.
-    let written = folder
-        .write(report)
-        .and_then(|()| folder.leave(certificate::FILE, &certificate::page(report, setup, &Host::here())));
+    let written = folder.write_report(report).and_then(|()| {
+        folder.write_file(certificate::FILE, &certificate::page(report, setup, &Host::here()))
+    });
     if common.json {
         print_json(&report)?;
     } else {
-        print_text(&summary(report))?;
+        print_text(&summary::text(report))?;
     }
     written?;
     Ok(ExitCode::from(if report.expect.passed && others_passed { DONE } else { UNEXPECTED }))

@@ -7,7 +7,7 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::{Common, DONE, in_range, option_error, print_json, print_text};
-use crate::evidence::report::RunFolder;
+use crate::evidence::run_folder::RunFolder;
 use crate::load::{self, Kind};
 use crate::px4::budget::Hop;
 use crate::px4::{airframe, files};
@@ -53,14 +53,15 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let folder = RunFolder::create(&out)?;
     let files = files::files(&airframe);
     for file in &files {
-        folder.leave(file.name, &file.text)?;
+        folder.write_file(file.name, &file.text)?;
     }
     if common.json {
         let names: Vec<_> = files.iter().map(|file| folder.path().join(file.name)).collect();
         print_json(&json!({ "out": folder.path(), "files": names, "airframe": airframe }))?;
         return Ok(ExitCode::from(DONE));
     }
-    let mut text = format!("PX4 airframe of {}\n\n{}\n", airframe.vehicle, files::budget(&airframe.budget));
+    let mut text =
+        format!("PX4 airframe of {}\n\n{}\n", airframe.vehicle, files::budget_table(&airframe.budget));
     let [x, y, z] = airframe.tuning.unit_effect_rad_s2;
     text += &format!(
         "At hover, {:.1} kg, full command turns the vehicle at {x:.2}, {y:.2} and {z:.2} rad/s² about FRD x, y, z.\n\n",

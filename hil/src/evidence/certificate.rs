@@ -98,7 +98,7 @@ pub fn page(report: &Report, setup: &BenchSetup<'_>, host: &Host) -> String {
         wire(&mut page, link, report);
     }
     page.line("");
-    page.line(match page.beyond {
+    page.line(match page.over_budget {
         0 => "Every line that has a budget is within it.",
         _ => "NOT every line is within its budget.",
     });
@@ -111,7 +111,7 @@ pub fn page(report: &Report, setup: &BenchSetup<'_>, host: &Host) -> String {
 struct Page {
     text: String,
     /// Lines that are not within their budget.
-    beyond: u32,
+    over_budget: u32,
 }
 
 impl Page {
@@ -130,7 +130,7 @@ impl Page {
 
     /// A figure with the most that it may be.
     fn judged(&mut self, name: &str, value: &str, limit: &str, within: bool) {
-        self.beyond += u32::from(!within);
+        self.over_budget += u32::from(!within);
         let verdict = if within { "yes" } else { "NO" };
         self.line(&format!("{name:<22}{value:<44}{limit:<20}{verdict}"));
     }
@@ -154,11 +154,11 @@ fn scheduler(page: &mut Page, granted: Option<&Scheduler>) {
 
 fn times(page: &mut Page, t: &Timing) {
     /// What of a distribution is held against its budget.
-    type Judged = fn(&Percentiles) -> f64;
+    type Statistic = fn(&Percentiles) -> f64;
     /// What is measured, and its budget: as words, what of it counts, and the most that it may be.
-    type Row<'a> = (&'a str, &'a Option<Percentiles>, Option<(&'a str, Judged, f64)>);
-    let p99: Judged = |p| p.p99;
-    let p999: Judged = |p| p.p999;
+    type Row<'a> = (&'a str, &'a Option<Percentiles>, Option<(&'a str, Statistic, f64)>);
+    let p99: Statistic = |p| p.p99;
+    let p999: Statistic = |p| p.p999;
     page.head("us                         p50       p99     p99.9       max      budget            within");
     let step = format!("p99.9 {:.0}", t.step_budget_us);
     let late = format!("p99 {LATENESS_BUDGET_US:.0}");

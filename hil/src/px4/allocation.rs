@@ -46,7 +46,7 @@ pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     }
     let mut functions = Vec::new();
     for (name, channel, range, function, what) in needed {
-        sends(name, channel, range)?;
+        check_range(name, channel, range)?;
         functions.push((channel.index, function, what));
     }
     functions.sort_unstable();
@@ -58,8 +58,8 @@ pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     })
 }
 
-/// Whether PX4 sends what the channel takes: motors 0 to 1, servos -1 to 1.
-fn sends(name: &str, channel: &Channel, range: [f64; 2]) -> Result<(), Invalid> {
+/// Refuses a range that PX4 does not send: motors 0 to 1, servos -1 to 1.
+fn check_range(name: &str, channel: &Channel, range: [f64; 2]) -> Result<(), Invalid> {
     if channel.range == range {
         return Ok(());
     }

@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 use nalgebra::Complex;
 use serde::Serialize;
 
-use super::Lander;
+use super::lander::Lander;
 
 /// Gains and limits, in PX4's units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -180,28 +180,28 @@ impl RateLoop {
         let candidates = differentials.into_iter().flat_map(|differential_s| {
             GYRO_CUTOFFS_HZ.map(|gyro_cutoff_hz| Self { differential_s, gyro_cutoff_hz, ..base })
         });
-        if let Some(enough) = candidates.clone().find(Self::holds) {
+        if let Some(enough) = candidates.clone().find(Self::has_margins) {
             return enough;
         }
         // Otherwise the shape that keeps the most bandwidth.
         candidates
-            .map(Self::slowed)
+            .map(Self::with_less_bandwidth)
             .max_by(|a, b| a.bandwidth_rad_s.total_cmp(&b.bandwidth_rad_s))
             .unwrap_or(base)
     }
 
-    /// The same with as much bandwidth as the margins allow.
-    fn slowed(self) -> Self {
+    /// The same loop with as much bandwidth as the margins allow.
+    fn with_less_bandwidth(self) -> Self {
         let (mut low, mut high) = (0.0, self.bandwidth_rad_s);
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
-            let holds = Self { bandwidth_rad_s: middle, ..self }.holds();
+            let holds = Self { bandwidth_rad_s: middle, ..self }.has_margins();
             (low, high) = if holds { (middle, high) } else { (low, middle) };
         }
         Self { bandwidth_rad_s: low, ..self }
     }
 
-    fn holds(&self) -> bool {
+    fn has_margins(&self) -> bool {
         let w = self.bandwidth_rad_s;
         w > 0.0 && self.gain_margin() >= GAIN_MARGIN && self.lag_s() * w <= PHASE_COST_RAD
     }
