@@ -34,7 +34,8 @@ pub struct Args {
     /// Fly share I of N, counted from 1, to be merged later
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
-    /// Fly nothing: put the flights of these folders together in --out, and judge them: `campaign FILE --merge DIR DIR`, with --runs and --seed as they were flown
+    /// Fly nothing: put the flights of these folders together in --out, and judge them:
+    /// `campaign FILE --merge DIR DIR`, with --runs and --seed as they were flown
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "shard")]
     pub merge: Vec<PathBuf>,
     /// Fly the flight of this seed alone, the same bits as in the campaign, and print its full report

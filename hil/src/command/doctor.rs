@@ -15,10 +15,12 @@ use crate::wire::link::{Link, LinkSpec};
 use crate::wire::port;
 use crate::wire::profile::{self, SensorRates};
 
-/// Say what is wrong with this machine and this link, and what to do. Never arms anything. Exit 0: nothing worse than a warning; 3: an error was found; 2: wrong arguments
+/// Say what is wrong with this machine and this link, and what to do. Never arms anything. Exit 0: nothing worse
+/// than a warning; 3: an error was found; 2: wrong arguments
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Listen on this link: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or tcp-listen:HOST:PORT; absent: look at the machine alone
+    /// Listen on this link: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or
+    /// tcp-listen:HOST:PORT; absent: look at the machine alone
     #[arg(long, value_name = "LINK")]
     pub fc: Option<LinkSpec>,
     /// What the flight controller expects; by default what fits the link

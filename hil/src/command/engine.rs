@@ -27,7 +27,8 @@ pub struct Args {
     /// The point at this valve angle (deg)
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub valve_deg: Option<f64>,
-    /// Points over every thrust that can be asked for; with --out DIR also throttle_map.svg, sweep.csv and sweep.json there
+    /// Points over every thrust that can be asked for; with --out DIR also throttle_map.svg, sweep.csv and
+    /// sweep.json there
     #[arg(long)]
     pub sweep: bool,
     /// Port radius (mm); the vehicle file's start value if absent

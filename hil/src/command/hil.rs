@@ -30,13 +30,15 @@ use crate::wire::profile::{self, Budget, Pacing, Profile, SensorRates};
 pub struct Args {
     /// Scenario file
     pub scenario: PathBuf,
-    /// Flight controller: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or tcp-listen:HOST:PORT; absent: the built-in autopilot, over a loopback UDP link
+    /// Flight controller: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or
+    /// tcp-listen:HOST:PORT; absent: the built-in autopilot, over a loopback UDP link
     #[arg(long, value_name = "LINK")]
     pub fc: Option<LinkSpec>,
     /// What the flight controller expects; by default what fits the link
     #[arg(long, value_name = "PROFILE", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
     pub profile: Option<String>,
-    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a link as for --fc
+    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a
+    /// link as for --fc
     #[arg(long, value_name = "LINK")]
     pub gcs: Option<LinkSpec>,
     /// After a flight wait for a reset and fly again, until Ctrl-C
@@ -66,7 +68,8 @@ pub struct Args {
     /// Measure a bare sleep and a bare echo beside the run
     #[arg(long)]
     pub references: bool,
-    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real board may fire real outputs
+    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real board
+    /// may fire real outputs
     #[arg(long)]
     pub igniter_disconnected: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens

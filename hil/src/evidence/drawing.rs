@@ -7,38 +7,38 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 /// A part of a picture.
-pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// What a drawing function returns.
-pub type DrawResult = std::result::Result<(), Box<dyn std::error::Error>>;
+pub(super) type DrawResult = std::result::Result<(), Box<dyn std::error::Error>>;
 
 /// Text and points.
-pub const TEXT: RGBColor = RGBColor(34, 40, 49);
+pub(super) const TEXT: RGBColor = RGBColor(34, 40, 49);
 /// Less important text, axes.
-pub const MUTED: RGBColor = RGBColor(110, 118, 128);
+pub(super) const MUTED: RGBColor = RGBColor(110, 118, 128);
 /// Grid.
 const GRID: RGBColor = RGBColor(222, 226, 231);
 /// A curve.
-pub const LINE: RGBColor = RGBColor(0, 90, 156);
+pub(super) const LINE: RGBColor = RGBColor(0, 90, 156);
 /// A limit, and what lies beyond.
-pub const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
+pub(super) const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
 
 /// The backend places everything on whole units: so many of them make a pixel.
-pub const SCALE: i32 = 8;
+pub(super) const SCALE: i32 = 8;
 
 /// Units of so many pixels.
-pub fn px(pixels: i32) -> i32 {
+pub(super) fn px(pixels: i32) -> i32 {
     SCALE * pixels
 }
 
 /// Text of a height in pixels.
-pub fn text_style(height: i32, color: &RGBColor) -> TextStyle<'static> {
+pub(super) fn text_style(height: i32, color: &RGBColor) -> TextStyle<'static> {
     (FONT, px(height)).into_font().color(color)
 }
 
 /// Grid, axes and text of every chart.
-pub fn chart_style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) {
+pub(super) fn chart_style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) {
     mesh.light_line_style(TRANSPARENT)
         .bold_line_style(GRID.stroke_width(SCALE as u32))
         .axis_style(MUTED.stroke_width(SCALE as u32))
@@ -51,7 +51,7 @@ pub fn chart_style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, 
 ///
 /// # Errors
 /// When it cannot be drawn.
-pub fn svg(size: (i32, i32), draw: impl FnOnce(&Area<'_>) -> DrawResult) -> Result<String> {
+pub(super) fn svg(size: (i32, i32), draw: impl FnOnce(&Area<'_>) -> DrawResult) -> Result<String> {
     let mut text = String::new();
     {
         let root =

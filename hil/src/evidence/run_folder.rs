@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use hopbench::simulation::Report;
 
-/// Folder that receives what a run leaves. It is made before the run, so that a full or forbidden disk is said before the flight.
+/// Folder that receives what a run leaves. It is made before the run, so that a full or forbidden disk is said
+/// before the flight.
 pub struct RunFolder(PathBuf);
 
 impl RunFolder {

@@ -9,7 +9,7 @@ const SERVO_1: i32 = 201;
 
 /// How the channels of a vehicle are served.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outputs {
+pub(super) struct Outputs {
     /// Function of each output channel in use, by its index from 0: (index, function, what it moves).
     pub functions: Vec<(usize, i32, &'static str)>,
     /// +1, or -1 where the vehicle's map reverses: gimbal about x, about y, thrusters about z.
@@ -22,7 +22,7 @@ pub struct Outputs {
 ///
 /// # Errors
 /// When the map holds what PX4 does not send.
-pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
+pub(super) fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     if controls.throttle == Some(ThrottleKind::Valve) {
         let message = "\"valve\": PX4 computes a thrust, and the valve's angle is far from linear in it; \
                        allowed \"thrust\", or absent";

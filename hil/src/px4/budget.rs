@@ -94,11 +94,11 @@ const LAND_M_S: f64 = 0.6;
 const SLOW_FROM_M: f64 = 4.0;
 const LAND_FROM_M: f64 = 2.0;
 /// Limit of jerk that flew (m/s³).
-pub const JERK_M_S3: f64 = 1.5;
+pub(super) const JERK_M_S3: f64 = 1.5;
 /// Ramp of the throttle from 0 to hover (s), as flown.
-pub const TAKEOFF_RAMP_S: f64 = 1.0;
+pub(super) const TAKEOFF_RAMP_S: f64 = 1.0;
 /// Speed upward near the ground, as flown (m/s).
-pub const TAKEOFF_SPEED_M_S: f64 = 1.0;
+pub(super) const TAKEOFF_SPEED_M_S: f64 = 1.0;
 /// From the end of the ramp to lift-off, as flown (s).
 const LIFT_OFF_S: f64 = 0.3;
 /// From contact to "Landing detected", as flown (s), charged at full weight though the throttle decays.

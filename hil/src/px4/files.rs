@@ -15,12 +15,7 @@ pub struct File {
     pub text: String,
 }
 
-/// Autostart numbers: PX4 keeps 22000 to 22999 for others' own airframes.
-pub const SITL_AUTOSTART: u32 = 22_001;
-/// The same on a board.
-pub const HITL_AUTOSTART: u32 = 22_002;
-
-/// Every file of an airframe.
+/// Every file of an airframe. PX4 keeps the numbers 22000 to 22999 for others' own airframes.
 pub fn files(airframe: &Airframe) -> [File; 4] {
     [
         File {

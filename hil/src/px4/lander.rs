@@ -85,7 +85,7 @@ impl Lander {
     }
 
     /// Throttle that carries the weight.
-    pub fn hover_throttle(&self) -> f64 {
+    pub(super) fn hover_throttle(&self) -> f64 {
         self.weight_n() / self.thrust_rated_n
     }
 

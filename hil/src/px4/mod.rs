@@ -11,7 +11,7 @@
 
 mod lander;
 
-pub mod allocation;
+mod allocation;
 pub mod tuning;
 
 pub mod budget;

@@ -12,7 +12,7 @@ use crate::wire::profile::{PX4_HITL, PX4_SITL};
 
 /// Which kind of PX4 the parameters are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
+pub(super) enum Target {
     /// In software, in lockstep.
     Sitl,
     /// On its own board, in real time.
@@ -42,7 +42,7 @@ pub enum Value {
 
 impl Value {
     /// MAVLink's number for the type, as parameter files carry it.
-    pub fn mavlink_type(self) -> u8 {
+    pub(super) fn mavlink_type(self) -> u8 {
         match self {
             Self::Integer(_) => 6,
             Self::Real(_) => 9,
@@ -59,7 +59,7 @@ impl Value {
 }
 
 /// What the parameters follow from.
-pub struct Inputs<'a> {
+pub(super) struct Inputs<'a> {
     /// The vehicle file.
     pub vehicle: &'a Vehicle,
     /// The vehicle at hover.
@@ -75,7 +75,7 @@ pub struct Inputs<'a> {
 }
 
 /// Every parameter, in the order in which a reader wants them.
-pub fn list(inputs: &Inputs<'_>) -> Vec<Parameter> {
+pub(super) fn list(inputs: &Inputs<'_>) -> Vec<Parameter> {
     let mut list = List(Vec::new());
     allocation(inputs, &mut list);
     outputs(inputs, &mut list);

@@ -6,11 +6,12 @@
 //! too slow for 7 rad/s get less, and every lateral loop slows down with it.
 //!
 //! That plant's gimbal moved no mass. An engine that swings pushes the body the other way while it is turned: the
-//! moment on the vehicle is T l δ + (J + S l) δ'', with its inertia J about the pivot and its first moment S below it,
-//! so from sqrt(T l / (J + S l)) on, 12 rad/s for the reference vehicle, a gimbal works backward and ever stronger. A
-//! loop with a differential part then oscillates at 20 Hz. [`Tuning::of`] looks at the loop with this term, takes the
-//! gyro filter's cutoff down and the differential part out until it has a gain margin of 2, and only then bandwidth. Vertical gains are accelerations, which
-//! PX4 turns into thrust by the hover throttle: they hold for any mass. They flew with thrust lags of 0.15 and 0.35 s.
+//! moment on the vehicle is T l δ + (J + S l) δ'', with its inertia J about the pivot and its first moment S below
+//! it, so from sqrt(T l / (J + S l)) on, 12 rad/s for the reference vehicle, a gimbal works backward and ever
+//! stronger. A loop with a differential part then oscillates at 20 Hz. [`Tuning::of`] looks at the loop with this
+//! term, takes the gyro filter's cutoff down and the differential part out until it has a gain margin of 2, and
+//! only then bandwidth. Vertical gains are accelerations, which PX4 turns into thrust by the hover throttle: they
+//! hold for any mass. They flew with thrust lags of 0.15 and 0.35 s.
 
 use std::f64::consts::TAU;
 

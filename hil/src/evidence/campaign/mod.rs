@@ -6,7 +6,7 @@
 
 mod hash;
 pub mod slot;
-pub mod statistics;
+mod statistics;
 pub mod table;
 
 mod definition;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
 
 /// Confidence of every bound.
-pub const CONFIDENCE: f64 = 0.95;
+const CONFIDENCE: f64 = 0.95;
 
 /// Bounds of the rate of success behind a count.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -54,7 +54,7 @@ fn bisect(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Probability that pairs disagree as unevenly as this, or more so, if neither side is better: two-sided.
-pub fn mcnemar_p(only_first: u32, only_second: u32) -> f64 {
+pub(super) fn mcnemar_p(only_first: u32, only_second: u32) -> f64 {
     let pairs = u64::from(only_first) + u64::from(only_second);
     if pairs == 0 {
         return 1.0;
@@ -90,7 +90,7 @@ impl Median {
 }
 
 /// Quantile of sorted values, interpolated between the two neighbours; `None` of nothing.
-pub fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     let at = share.clamp(0.0, 1.0) * last as f64;
     let below = at.floor() as usize;

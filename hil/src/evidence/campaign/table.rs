@@ -39,7 +39,7 @@ pub struct Row {
 type Figure = fn(&Report, &Flight) -> Option<f64>;
 
 /// What is measured of every flight: column and where it comes from.
-pub const FIGURES: [(&str, Figure); 29] = [
+const FIGURES: [(&str, Figure); 29] = [
     ("touchdown_time_s", |r, _| r.touchdown.map(|t| t.time_s)),
     ("touchdown_vertical_speed_m_s", |r, _| r.touchdown.map(|t| t.vertical_speed_m_s)),
     ("touchdown_lateral_speed_m_s", |r, _| r.touchdown.map(|t| t.lateral_speed_m_s)),
@@ -232,7 +232,7 @@ pub fn write(folder: &Path, columns: &[String], rows: &[&Row]) -> Result<()> {
 }
 
 /// Whether a name is that of a column of every table.
-pub fn reserved(name: &str) -> bool {
+pub(super) fn reserved(name: &str) -> bool {
     header(&[]).iter().any(|column| column == name)
 }
 
