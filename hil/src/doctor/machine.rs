@@ -36,7 +36,7 @@ pub struct Machine {
     pub modem_manager: Option<u32>,
 }
 
-/// This machine; takes about 0.1 s, for the sleeps.
+/// Inspects this machine; takes about 0.1 s, for the sleeps.
 pub fn inspect() -> Machine {
     let limit = |resource| {
         let Rlimit { current, .. } = getrlimit(resource);

@@ -9,7 +9,7 @@ use std::fmt::Write;
 use hopbench::simulation::Report;
 use hopbench::simulation::report::{LinkReport, Percentiles, Scheduler, Timing};
 
-/// Its name in the folder of the run.
+/// Name of the certificate in the folder of a run.
 pub const FILE: &str = "certificate.txt";
 
 const LATENESS_BUDGET_US: f64 = 100.0;
@@ -29,7 +29,7 @@ pub struct BenchSetup<'a> {
     pub step_s: f64,
 }
 
-/// The computer that it ran on.
+/// The computer on which a run was made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Host {
     /// Its name.
@@ -43,7 +43,7 @@ pub struct Host {
 }
 
 impl Host {
-    /// This one.
+    /// This computer.
     pub fn here() -> Self {
         let system = rustix::system::uname();
         let text = |name: &std::ffi::CStr| name.to_string_lossy().into_owned();
@@ -67,7 +67,7 @@ impl Host {
     }
 }
 
-/// The page.
+/// The certificate as text.
 pub fn page(report: &Report, setup: &BenchSetup<'_>, host: &Host) -> String {
     let mut page = Page::default();
     let t = &report.timing;

@@ -24,10 +24,10 @@ pub(super) const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
 
-/// The backend places everything on whole units: so many of them make a pixel.
+/// Drawing units of a pixel: the backend places everything on whole units.
 pub(super) const SCALE: i32 = 8;
 
-/// Units of so many pixels.
+/// A length in pixels as drawing units.
 pub(super) fn px(pixels: i32) -> i32 {
     SCALE * pixels
 }

@@ -1,4 +1,4 @@
-//! The summary of a run's report, as the terminal shows it.
+//! The summary of a run's report, for people.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use hopbench::simulation::{Report, Source};
 
 use crate::evidence::certificate;
 
-/// The report for people.
+/// The report as the terminal shows it.
 pub fn text(report: &Report) -> String {
     let mut text = Lines::default();
     events(&mut text, report);

@@ -7,7 +7,7 @@ use hopbench::input::Invalid;
 const MOTOR_1: i32 = 101;
 const SERVO_1: i32 = 201;
 
-/// How the channels of a vehicle are served.
+/// The channels of a vehicle as outputs of PX4.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Outputs {
     /// Function of each output channel in use, by its index from 0: (index, function, what it moves).
@@ -18,7 +18,7 @@ pub(super) struct Outputs {
     pub two_roll_channels: bool,
 }
 
-/// Channels of a vehicle as PX4 outputs.
+/// Assigns an output function of PX4 to each channel of a vehicle.
 ///
 /// # Errors
 /// When the map holds what PX4 does not send.

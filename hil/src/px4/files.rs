@@ -1,4 +1,4 @@
-//! The files: two airframe scripts, two parameter files.
+//! The files of an airframe: two start scripts, two parameter files.
 
 use super::airframe::Airframe;
 use super::budget::{Budget, RESERVE_FRACTION};

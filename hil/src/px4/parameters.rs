@@ -1,4 +1,4 @@
-//! The parameters, each with its reason.
+//! The parameters of PX4, each with its reason.
 
 use hopbench::frame::Vec3;
 use hopbench::vehicle::Vehicle;
@@ -41,7 +41,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// MAVLink's number for the type, as parameter files carry it.
+    /// MAVLink's number of its type, as parameter files write it.
     pub(super) fn mavlink_type(self) -> u8 {
         match self {
             Self::Integer(_) => 6,
@@ -49,7 +49,7 @@ impl Value {
         }
     }
 
-    /// As files carry it; a real keeps its point.
+    /// The value as parameter files write it; a real keeps its decimal point.
     pub fn text(self) -> String {
         match self {
             Self::Integer(value) => value.to_string(),

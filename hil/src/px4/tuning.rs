@@ -98,7 +98,7 @@ const ACCELERATION_UP_DOWN_M_S2: [f64; 2] = [2.0, 1.5];
 const ACCELERATION_SHARE: f64 = 0.6;
 
 impl Tuning {
-    /// For a vehicle at hover.
+    /// Gains and limits for a vehicle at hover.
     pub fn of(lander: &Lander) -> Self {
         let effect = lander.unit_effect_rad_s2();
         let loop_shape = RateLoop::of(lander);

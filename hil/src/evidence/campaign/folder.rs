@@ -1,4 +1,4 @@
-//! The folder of a campaign: its table, what the table belongs to, and what comes of it.
+//! The folder of a campaign: its table of flights, and what the table belongs to.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -124,7 +124,7 @@ impl CampaignFolder {
         Ok(())
     }
 
-    /// The flights of these slots.
+    /// Rows of these slots, as far as they have flown.
     pub fn rows(&self, slots: &[Slot]) -> Vec<&Row> {
         slots.iter().filter_map(|slot| self.rows.get(slot)).collect()
     }
@@ -137,7 +137,7 @@ impl CampaignFolder {
         write_file(&self.path, name, text)
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }

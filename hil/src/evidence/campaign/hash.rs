@@ -1,4 +1,4 @@
-//! Hashes of what makes two campaigns the same.
+//! The hash by which campaigns and builds of the program are told apart.
 
 /// 64-bit FNV-1a.
 #[derive(Clone, Copy)]
@@ -11,14 +11,14 @@ impl Default for Fnv {
 }
 
 impl Fnv {
-    /// Takes in bytes.
+    /// Adds bytes.
     pub(super) fn add(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
     }
 
-    /// As text.
+    /// The hash as sixteen hexadecimal digits.
     pub(super) fn hex(self) -> String {
         format!("{:016x}", self.0)
     }

@@ -11,11 +11,11 @@ pub mod table;
 
 mod definition;
 
-mod flying;
+mod flight;
 
 pub mod folder;
 pub mod picture;
 pub mod summary;
 
 pub use definition::{Campaign, Configuration};
-pub use flying::FlightResult;
+pub use flight::FlightResult;

@@ -45,7 +45,7 @@ pub struct Summary {
     pub overrides: Vec<String>,
 }
 
-/// One configuration.
+/// One configuration, as reported.
 #[derive(Clone, Debug, Serialize)]
 pub struct VariantSummary {
     /// Its name.
@@ -177,7 +177,7 @@ const MOST_FLIGHTS: usize = 5;
 const MOST_SEEDS: usize = 12;
 
 impl Summary {
-    /// Of the rows of a campaign or a shard of it, in order.
+    /// Summary of the rows of a campaign or a shard of it, in order.
     pub fn new(campaign: &Campaign, rows: &[&Row], shard: Option<Shard>, overrides: &[String]) -> Self {
         let success = campaign.file.success;
         let variants: Vec<VariantSummary> = campaign
@@ -213,7 +213,7 @@ impl Summary {
         }
     }
 
-    /// For people.
+    /// The summary as the terminal shows it.
     pub fn text(&self) -> String {
         let mut text = String::new();
         let last = self.seed.wrapping_add(self.runs.saturating_sub(1));

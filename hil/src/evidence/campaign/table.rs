@@ -30,7 +30,7 @@ pub struct Row {
     pub success: bool,
     /// The first criterion that failed, or how the flight ended and what came before; empty after a success.
     pub cause: String,
-    /// What was measured, in the order of [`FIGURES`].
+    /// What was measured; [`Row::figure`] finds one by its column.
     pub figures: Vec<Option<f64>>,
     /// Hash over the states of the flight.
     pub state_hash: String,
@@ -76,7 +76,7 @@ fn count(report: &Report, name: &str) -> f64 {
 }
 
 impl Row {
-    /// Of a flight that has been flown and judged.
+    /// Row of a flight that has been flown and judged.
     pub fn new(run: u32, variant: &str, draws: Vec<f64>, flight: &Flight, report: &Report) -> Self {
         Self {
             run,

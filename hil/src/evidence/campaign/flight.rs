@@ -13,7 +13,7 @@ use super::slot::{Slot, in_order};
 use super::table::Row;
 use crate::load;
 
-/// What a flight gave.
+/// A flight as a row of the table and as a report.
 pub struct FlightResult {
     /// Its row of the table.
     pub row: Row,
