@@ -10,7 +10,7 @@ use hopbench_hil::px4::budget::{self, Hop};
 use hopbench_hil::px4::files;
 use hopbench_hil::px4::parameters::{Parameter, Value};
 use hopbench_hil::px4::tuning::{DIFFERENTIAL_CUTOFF_HZ, RATE_BANDWIDTH_RAD_S, Tuning};
-use hopbench_hil::px4::{Airframe, Lander, Swinging, airframe};
+use hopbench_hil::px4::{Airframe, Lander, SwingingEngine, airframe};
 
 const HOP: Hop = Hop { height_m: 10.0, hold_s: 8.0 };
 const VEHICLES: [&str; 2] = ["reference", "gt_lander"];
@@ -51,7 +51,7 @@ fn flown() -> Lander {
         gimbal_dead_time_s: 0.005,
         gimbal_servo_rad_s: 50.3,
         gimbal_servo_damping: 0.7,
-        swinging: Swinging::default(),
+        swinging: SwingingEngine::default(),
         roll_moment_n_m: 6.0,
     }
 }
@@ -98,7 +98,7 @@ fn gains_are_a_bandwidth_over_thrust_times_lever_over_inertia() {
     }
     // The reference vehicle's page: lift-off, digits as printed there.
     let reference = vehicle("reference", &[]);
-    let full = Lander::of(&reference, &budget::full(&reference));
+    let full = Lander::of(&reference, &budget::full_contents(&reference));
     close(full.mass_kg, 73.40, 0.005);
     close(full.lever_m, 0.4015, 5e-5);
     close(full.inertia_kg_m2[0], 22.294, 1e-3);
@@ -111,14 +111,14 @@ fn an_engine_that_swings_costs_the_differential_part_and_bandwidth() {
     let still = Tuning::of(&lander);
     assert_eq!(still.rate_bandwidth_rad_s, RATE_BANDWIDTH_RAD_S);
     assert!(still.gain_margin > 4.0 && still.rate[0].d > 0.0);
-    lander.swinging = Swinging { moment_kg_m: 2.8, inertia_kg_m2: 0.76 };
+    lander.swinging = SwingingEngine { moment_kg_m: 2.8, inertia_kg_m2: 0.76 };
     let swinging = Tuning::of(&lander);
     // T l δ + (J + S l) δ'' is nothing at this frequency.
     let zero = (lander.weight_n() * 0.9 / (0.76 + 2.8 * 0.9)).sqrt();
     close(swinging.swing_zero_rad_s.unwrap(), zero, 1e-9);
     assert!(swinging.gain_margin >= 2.0 && swinging.gyro_cutoff_hz < 40.0);
     // An engine without mass is none.
-    lander.swinging = Swinging { moment_kg_m: 1e-9, inertia_kg_m2: 1e-9 };
+    lander.swinging = SwingingEngine { moment_kg_m: 1e-9, inertia_kg_m2: 1e-9 };
     assert_eq!(Tuning::of(&lander).rate, still.rate);
     for name in VEHICLES {
         let tuning = made(name, &[]).tuning;
@@ -293,7 +293,7 @@ fn slivers_between_ports_are_no_fuel() {
 
     // A wider grain flies: what burns is the difference of the ports' areas at the start and as they meet.
     let three = vehicle("reference", &[set[0], set[1], "vehicle.engine.grain.outer_radius_m=0.09"]);
-    let low = budget::spend(&three, &Hop { height_m: 2.0, hold_s: 0.0 }).unwrap();
+    let low = budget::hop_budget(&three, &Hop { height_m: 2.0, hold_s: 0.0 }).unwrap();
     let grain = three.engine.grain();
     let meet_m = 0.5 * grain.outer_radius_m * libm::sin(std::f64::consts::FRAC_PI_3);
     let area_m2 = 3.0 * std::f64::consts::PI * (meet_m * meet_m - 0.012 * 0.012);

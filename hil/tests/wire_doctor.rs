@@ -10,7 +10,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use hopbench_hil::doctor::{Finding, Machine, Severity, diagnose_machine};
+use hopbench_hil::doctor::{Machine, Severity, diagnose_machine};
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::mavlink::{
     ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls, heartbeat,
@@ -485,7 +485,7 @@ fn a_machine_that_is_not_fit_is_told_why() {
     let warned = |machine: &Machine| {
         let findings = diagnose_machine(machine);
         let mut names: Vec<&str> =
-            findings.iter().filter(|f| f.severity() > Severity::Ok).map(Finding::name).collect();
+            findings.iter().filter(|f| f.severity > Severity::Ok).map(|f| f.name).collect();
         names.sort_unstable();
         names
     };

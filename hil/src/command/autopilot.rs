@@ -11,7 +11,7 @@ use hopbench::event::Phase;
 use hopbench::simulation::Instrumentation;
 use serde_json::json;
 
-use super::{Common, DEVICE_FAILED, DONE, interrupt, leaves_nothing, print_json};
+use super::{Common, DEVICE_FAILED, DONE, interrupt, print_json, refuse_out};
 use crate::bench::pilot::Pilot;
 use crate::load;
 use crate::wire::link::{Link, LinkSpec};
@@ -33,7 +33,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
-    leaves_nothing(common, "the bench at the other end keeps the run: give it --out")?;
+    refuse_out(common, "the bench at the other end keeps the run: give it --out")?;
     let scenario = load::scenario(&args.scenario, &common.set, None)?;
     let profile = profile::named(&args.profile).unwrap_or(&profile::GENERIC);
     let instruments = Instrumentation { imu_rate_hz: None, gnss_delay_s: profile.gnss_delay_s };

@@ -6,13 +6,17 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Result;
+use hopbench::input::InputError;
 
-use super::{Common, DONE, INTERRUPTED, UNEXPECTED, interrupt, print_json, print_text, wrong};
+use super::{Common, DONE, INTERRUPTED, UNEXPECTED, cores, interrupt, option_error, print_json, print_text};
 use crate::bench::live::Live;
-use crate::evidence::campaign::folder::{CampaignFolder, Shard, merged};
-use crate::evidence::campaign::summary::{Summary, share};
-use crate::evidence::campaign::{Campaign, Slot, picture};
-use crate::evidence::report::{RunFolder, summary};
+use crate::evidence::campaign::folder::{CampaignFolder, merge};
+use crate::evidence::campaign::slot::{Shard, Slot, slots_of};
+use crate::evidence::campaign::summary::Summary;
+use crate::evidence::campaign::table::Row;
+use crate::evidence::campaign::{Campaign, picture};
+use crate::evidence::run_folder::RunFolder;
+use crate::evidence::summary;
 
 /// Fly a scenario many times with values drawn anew; statistics with confidence bounds
 #[derive(Debug, clap::Args)]
@@ -30,7 +34,8 @@ pub struct Args {
     /// Fly share I of N, counted from 1, to be merged later
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
-    /// Fly nothing: put the flights of these folders together in --out, and judge them: `campaign FILE --merge DIR DIR`, with --runs and --seed as they were flown
+    /// Fly nothing: put the flights of these folders together in --out, and judge them:
+    /// `campaign FILE --merge DIR DIR`, with --runs and --seed as they were flown
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "shard")]
     pub merge: Vec<PathBuf>,
     /// Fly the flight of this seed alone, the same bits as in the campaign, and print its full report
@@ -44,41 +49,13 @@ pub struct Args {
 /// Runs the command. A campaign that was interrupted goes on where it stopped when it gets the same --out. Whether it
 /// passed, and with it the exit code, follows from the rate met; whether that proves anything is said beside it.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
-    let Some(file) = &args.campaign else {
-        let message = "took FILE for a folder: hopbench campaign FILE --merge DIR DIR, with --runs and --seed as they were flown";
-        return Err(wrong("--merge", message.to_owned()).into());
-    };
-    let mut campaign = Campaign::open(file, &common.set)?;
-    campaign.file.runs = args.runs.unwrap_or(campaign.file.runs);
-    campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
-    if campaign.file.seed.checked_add(campaign.file.runs).is_none() {
-        let message = format!("{} leaves no seeds for {} runs", campaign.file.seed, campaign.file.runs);
-        return Err(wrong("--seed", message).into());
-    }
+    let campaign = open(args, common)?;
     if let Some(seed) = args.only {
         return fly_one(&campaign, seed, args, common);
     }
-    let slots = share(campaign.slots(), args.shard);
-    let jobs = args.jobs.map_or_else(cores, usize::from);
+    let slots = slots_of(campaign.slots(), args.shard);
     let stop = interrupt::stop_on_signal()?;
-    if args.merge.is_empty() {
-        // A value that cannot be is said now, not after hours.
-        campaign.check_draws(&slots, jobs, &stop)?;
-    }
-    let mut folder = match &common.out {
-        Some(path) => CampaignFolder::open(path, &campaign)?,
-        None => CampaignFolder::open(RunFolder::for_run_of(&campaign.name)?.path(), &campaign)?,
-    };
-    if args.merge.is_empty() {
-        fly(&campaign, &slots, jobs, &stop, &mut folder)?;
-    } else {
-        for (slot, row) in merged(&campaign, &args.merge)? {
-            if !folder.has(slot) {
-                folder.add(slot, row)?;
-            }
-        }
-    }
-    folder.settle()?;
+    let folder = collect(&campaign, &slots, args, common, &stop)?;
     let rows = folder.rows(&slots);
     if rows.len() < slots.len() {
         // Only a signal ends it early.
@@ -91,21 +68,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let mut result = Summary::new(&campaign, &rows, args.shard, &common.set);
-    folder.leave("summary.json", &(serde_json::to_string_pretty(&result)? + "\n"))?;
-    for configuration in &campaign.configurations {
-        let name = &configuration.name;
-        let own: Vec<_> = rows.iter().copied().filter(|row| row.variant == *name).collect();
-        let title = if campaign.file.variant.is_empty() {
-            campaign.name.clone()
-        } else {
-            format!("{}, {name}", campaign.name)
-        };
-        folder.leave(
-            &format!("touchdown_{name}.svg"),
-            &picture::touchdown(&title, &own, &campaign.file.success)?,
-        )?;
-        folder.leave(&format!("position_{name}.svg"), &picture::position(&title, &own)?)?;
-    }
+    folder.write_file("summary.json", &(serde_json::to_string_pretty(&result)? + "\n"))?;
+    write_pictures(&campaign, &rows, &folder)?;
     result.run = Some(folder.path().display().to_string());
     if common.json {
         print_json(&result)?;
@@ -115,9 +79,68 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     Ok(ExitCode::from(if result.passed == Some(false) { UNEXPECTED } else { DONE }))
 }
 
-/// Cores that this program may use.
-pub(super) fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
+/// The campaign, with the runs and the seed of the command line.
+fn open(args: &Args, common: &Common) -> Result<Campaign, InputError> {
+    let Some(file) = &args.campaign else {
+        let message = "took FILE for a folder: hopbench campaign FILE --merge DIR DIR, \
+                       with --runs and --seed as they were flown";
+        return Err(option_error("--merge", message));
+    };
+    let mut campaign = Campaign::open(file, &common.set)?;
+    campaign.file.runs = args.runs.unwrap_or(campaign.file.runs);
+    campaign.file.seed = common.seed.unwrap_or(campaign.file.seed);
+    if campaign.file.seed.checked_add(campaign.file.runs).is_none() {
+        let message = format!("{} leaves no seeds for {} runs", campaign.file.seed, campaign.file.runs);
+        return Err(option_error("--seed", message));
+    }
+    Ok(campaign)
+}
+
+/// The folder of the campaign with all its flights: those it had, and those flown now, or merged from other folders.
+fn collect(
+    campaign: &Campaign,
+    slots: &[Slot],
+    args: &Args,
+    common: &Common,
+    stop: &AtomicBool,
+) -> Result<CampaignFolder> {
+    let jobs = args.jobs.map_or_else(cores, usize::from);
+    if args.merge.is_empty() {
+        // A value that cannot be is said now, not after hours.
+        campaign.check_draws(slots, jobs, stop)?;
+    }
+    let mut folder = match &common.out {
+        Some(path) => CampaignFolder::open(path, campaign)?,
+        None => CampaignFolder::open(RunFolder::for_run_of(&campaign.name)?.path(), campaign)?,
+    };
+    if args.merge.is_empty() {
+        fly(campaign, slots, jobs, stop, &mut folder)?;
+    } else {
+        for (slot, row) in merge(campaign, &args.merge)? {
+            if !folder.has(slot) {
+                folder.add(slot, row)?;
+            }
+        }
+    }
+    folder.sort()?;
+    Ok(folder)
+}
+
+/// Two pictures of each variant.
+fn write_pictures(campaign: &Campaign, rows: &[&Row], folder: &CampaignFolder) -> Result<()> {
+    for configuration in &campaign.configurations {
+        let name = &configuration.name;
+        let own: Vec<_> = rows.iter().copied().filter(|row| row.variant == *name).collect();
+        let title = if campaign.file.variant.is_empty() {
+            campaign.name.clone()
+        } else {
+            format!("{}, {name}", campaign.name)
+        };
+        let touchdown = picture::touchdown(&title, &own, &campaign.file.success)?;
+        folder.write_file(&format!("touchdown_{name}.svg"), &touchdown)?;
+        folder.write_file(&format!("position_{name}.svg"), &picture::position(&title, &own)?)?;
+    }
+    Ok(())
 }
 
 /// Flies what the folder lacks, until `stop` is set.
@@ -169,9 +192,11 @@ fn fly_one(campaign: &Campaign, seed: u32, args: &Args, common: &Common) -> Resu
     let Some(configuration) = campaign.configuration(args.variant.as_deref()) else {
         let names: Vec<&str> = campaign.configurations.iter().map(|c| c.name.as_str()).collect();
         let name = args.variant.as_deref().unwrap_or_default();
-        return Err(
-            wrong("--variant", format!("\"{name}\" is not allowed; one of {}", names.join(", "))).into()
-        );
+        return Err(option_error(
+            "--variant",
+            format!("\"{name}\" is not allowed; one of {}", names.join(", ")),
+        )
+        .into());
     };
     let folder = common.out.as_deref().map(RunFolder::create).transpose()?;
     let start = Instant::now();
@@ -181,13 +206,13 @@ fn fly_one(campaign: &Campaign, seed: u32, args: &Args, common: &Common) -> Resu
     let drawn = report.overrides.clone();
     report.overrides = common.set.iter().cloned().chain(drawn).collect();
     if let Some(folder) = &folder {
-        folder.write(&mut report)?;
+        folder.write_report(&mut report)?;
     }
     if common.json {
         print_json(&report)?;
     } else {
         let values: String = report.overrides.iter().map(|pair| format!("set            {pair}\n")).collect();
-        print_text(&(values + &summary(&report)))?;
+        print_text(&(values + &summary::text(&report)))?;
     }
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
 }

@@ -6,12 +6,13 @@ use std::process::ExitCode;
 use anyhow::Result;
 use hopbench::fluid::Nitrous;
 use hopbench::input::InputError;
-use hopbench::propulsion::{EngineCondition, WarmStart};
+use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::vehicle::Vehicle;
 
-use super::{Common, DONE, check, leaves_nothing, print_json, print_text, wrong};
-use crate::evidence::report::RunFolder;
+use super::{Common, DONE, in_range, print_json, print_text, refuse_out};
+use crate::evidence::run_folder::RunFolder;
 use crate::evidence::throttle_map::{Point, ThrottleMap};
+use crate::evidence::valve_map;
 use crate::load;
 
 /// Steady points of the lit engine
@@ -26,7 +27,8 @@ pub struct Args {
     /// The point at this valve angle (deg)
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub valve_deg: Option<f64>,
-    /// Points over every thrust that can be asked for; with --out DIR also throttle_map.svg, sweep.csv and sweep.json there
+    /// Points over every thrust that can be asked for; with --out DIR also throttle_map.svg, sweep.csv and
+    /// sweep.json there
     #[arg(long)]
     pub sweep: bool,
     /// Port radius (mm); the vehicle file's start value if absent
@@ -43,83 +45,89 @@ pub struct Args {
     pub tank_bar: Option<f64>,
 }
 
-/// A number of the command line within its allowed range.
-fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64, InputError> {
-    if (least..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(wrong(name, format!("{value} is out of range; allowed {least} to {most}")))
-}
-
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if !args.sweep {
-        leaves_nothing(common, "add --sweep, or redirect what it prints")?;
+        refuse_out(common, "add --sweep, or redirect what it prints")?;
     }
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;
-    let engine = &vehicle.engine;
-    let grain = engine.grain();
-    let port_mm = args.port_radius_mm.unwrap_or(grain.port_radius_m * 1e3);
-    let throat_mm = args.throat_radius_mm.unwrap_or(engine.nozzle().throat_radius_m() * 1e3);
-    let tank_k = args.tank_k.unwrap_or(vehicle.tank.temperature_k);
-    let tank_bar = args.tank_bar.unwrap_or(vehicle.tank.pressure_pa * 1e-5);
-    let widest_throat_mm = engine.nozzle().greatest_throat_radius_m() * 1e3;
-    let condition = EngineCondition::burning(
-        within("--port-radius-mm", port_mm, 1.0, grain.outer_radius_m * 1e3)? * 1e-3,
-        within("--throat-radius-mm", throat_mm, 1.0, widest_throat_mm)? * 1e-3,
-        vehicle.site.pressure_pa,
-    );
-    // The range of the tables; liquid stays liquid above its own vapour pressure only.
-    within("--tank-k", tank_k, 240.0, 306.0)?;
-    let least_bar = Nitrous::tables().vapor_pressure_pa(tank_k) * 1e-5;
-    within("--tank-bar", tank_bar, least_bar, 80.0)?;
-    let feed = engine.feed_map(tank_bar * 1e5, tank_k);
-    let at_valve = |valve_rad: f64| {
-        let area_m2 = engine.valve_area().area_m2(valve_rad);
-        engine.operating_point(&feed, area_m2, &condition, WarmStart::default())
-    };
-    let open_deg = vehicle.valve_servo.upper_rad.to_degrees();
-
-    let title = format!(
-        "{}: port radius {:.2} mm, throat radius {:.2} mm, tank {:.1} K, {:.1} bar\n",
-        vehicle.name, port_mm, throat_mm, tank_k, tank_bar
-    );
+    let setup = Setup::new(args, &vehicle)?;
     if args.sweep {
-        let map = ThrottleMap::new(&vehicle, &feed, &condition);
-        if let Some(out) = &common.out {
-            let folder = RunFolder::create(out)?;
-            folder.leave("throttle_map.svg", &map.svg()?)?;
-            folder.leave("sweep.csv", &map.csv())?;
-            folder.leave("sweep.json", &(serde_json::to_string_pretty(&map)? + "\n"))?;
-        }
-        if common.json {
-            print_json(&map)?;
-        } else {
-            print_text(&sweep_text(&title, &map, &vehicle))?;
-        }
-        return Ok(ExitCode::from(DONE));
+        sweep(common, &vehicle, &setup)?
+    } else {
+        point(args, common, &vehicle, &setup)?
+    };
+    Ok(ExitCode::from(DONE))
+}
+
+/// The engine at the condition that the options ask for.
+struct Setup {
+    condition: EngineCondition,
+    feed: FeedMap,
+    /// The condition in words, a line of its own.
+    title: String,
+}
+
+impl Setup {
+    fn new(args: &Args, vehicle: &Vehicle) -> Result<Self, InputError> {
+        let engine = &vehicle.engine;
+        let grain = engine.grain();
+        let port_mm = args.port_radius_mm.unwrap_or(grain.port_radius_m * 1e3);
+        let throat_mm = args.throat_radius_mm.unwrap_or(engine.nozzle().throat_radius_m() * 1e3);
+        let tank_k = args.tank_k.unwrap_or(vehicle.tank.temperature_k);
+        let tank_bar = args.tank_bar.unwrap_or(vehicle.tank.pressure_pa * 1e-5);
+        let widest_throat_mm = engine.nozzle().greatest_throat_radius_m() * 1e3;
+        let condition = EngineCondition::burning(
+            in_range("--port-radius-mm", port_mm, 1.0, grain.outer_radius_m * 1e3)? * 1e-3,
+            in_range("--throat-radius-mm", throat_mm, 1.0, widest_throat_mm)? * 1e-3,
+            vehicle.site.pressure_pa,
+        );
+        // The range of the tables; liquid stays liquid above its own vapour pressure only.
+        in_range("--tank-k", tank_k, 240.0, 306.0)?;
+        let least_bar = Nitrous::tables().vapor_pressure_pa(tank_k) * 1e-5;
+        in_range("--tank-bar", tank_bar, least_bar, 80.0)?;
+        let title = format!(
+            "{}: port radius {:.2} mm, throat radius {:.2} mm, tank {:.1} K, {:.1} bar\n",
+            vehicle.name, port_mm, throat_mm, tank_k, tank_bar
+        );
+        Ok(Self { condition, feed: engine.feed_map(tank_bar * 1e5, tank_k), title })
     }
+}
+
+/// Every thrust that can be asked for: prints the throttle map, and leaves it where `--out` says.
+fn sweep(common: &Common, vehicle: &Vehicle, setup: &Setup) -> Result<()> {
+    let map = ThrottleMap::new(vehicle, &setup.feed, &setup.condition);
+    if let Some(out) = &common.out {
+        let folder = RunFolder::create(out)?;
+        folder.write_file("throttle_map.svg", &map.svg()?)?;
+        folder.write_file("sweep.csv", &map.csv())?;
+        folder.write_file("sweep.json", &(serde_json::to_string_pretty(&map)? + "\n"))?;
+    }
+    if common.json { print_json(&map) } else { print_text(&sweep_text(&setup.title, &map, vehicle)) }
+}
+
+/// One point, by its valve angle or its thrust.
+fn point(args: &Args, common: &Common, vehicle: &Vehicle, setup: &Setup) -> Result<()> {
+    let (engine, Setup { condition, feed, title }) = (&vehicle.engine, setup);
     let point = if let Some(valve_deg) = args.valve_deg {
         // Beyond fully open is the fully open valve, flagged; the encoder's last digit is forgiven.
-        let asked = within("--valve-deg", valve_deg, 0.0, 360.0)?;
-        let valve_rad = asked.min(open_deg).to_radians();
-        Point::new(&vehicle, valve_rad, &at_valve(valve_rad), asked > open_deg + 1e-6)
+        let asked_deg = in_range("--valve-deg", valve_deg, 0.0, 360.0)?;
+        let open_deg = vehicle.valve_servo.upper_rad.to_degrees();
+        let valve_rad = asked_deg.min(open_deg).to_radians();
+        let area_m2 = engine.valve_area().area_m2(valve_rad);
+        let operating_point = engine.operating_point(feed, area_m2, condition, WarmStart::default());
+        Point::new(vehicle, valve_rad, &operating_point, asked_deg > open_deg + 1e-6)
     } else {
-        let thrust_n = within("--thrust-n", args.thrust_n.unwrap_or_default(), 0.0, 1e6)?;
-        let inverse = engine.inverse(&feed, thrust_n, &condition, WarmStart::default());
-        Point::new(&vehicle, inverse.valve_rad, &inverse.point, inverse.saturated)
+        let thrust_n = in_range("--thrust-n", args.thrust_n.unwrap_or_default(), 0.0, 1e6)?;
+        let inverse = engine.inverse(feed, thrust_n, condition, WarmStart::default());
+        Point::new(vehicle, inverse.valve_rad, &inverse.point, inverse.saturated)
     };
     if common.json {
-        print_json(&point)?;
-    } else {
-        let mut marks = String::new();
-        for (holds, mark) in [(point.saturated, "  saturated"), (point.of_ratio.is_none(), "  no fuel left")]
-        {
-            marks += if holds { mark } else { "" };
-        }
-        print_text(&format!("{title}{HEADING}\n{}{marks}\n", row(&point)))?;
+        return print_json(&point);
     }
-    Ok(ExitCode::from(DONE))
+    let saturated = if point.saturated { "  saturated" } else { "" };
+    let no_fuel = if point.of_ratio.is_none() { "  no fuel left" } else { "" };
+    print_text(&format!("{title}{HEADING}\n{}{saturated}{no_fuel}\n", row(&point)))
 }
 
 /// Names of the columns of [`row`].
@@ -170,7 +178,7 @@ fn sweep_text(title: &str, map: &ThrottleMap, vehicle: &Vehicle) -> String {
             "the fully open valve".to_owned()
         },
         map.thrust_command_min_n,
-        check::valve_map(&vehicle.engine.valve_area().check())
+        valve_map::text(&vehicle.engine.valve_area().check())
     );
     text
 }

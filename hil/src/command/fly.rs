@@ -7,13 +7,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use hopbench::input::{Diagnostic, InputError};
 use hopbench::plant::{Snapshot, column};
 use hopbench::simulation;
 
-use super::{Common, DONE, UNEXPECTED, print_json, print_text};
+use super::{Common, DONE, UNEXPECTED, option_error, print_json, print_text};
 use crate::bench::pace::{Distribution, now_ns};
-use crate::evidence::report::{RunFolder, summary};
+use crate::evidence::run_folder::RunFolder;
+use crate::evidence::summary;
 use crate::load;
 
 /// Fly a scenario in memory: built-in autopilot, or an open-loop schedule
@@ -35,15 +35,8 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     if args.csv_rate == 0 || 1000 % args.csv_rate != 0 {
-        return Err(InputError {
-            file: "command line".to_owned(),
-            diagnostics: vec![Diagnostic {
-                line: None,
-                key: "--csv-rate".to_owned(),
-                message: format!("{} is out of range; allowed: the divisors of 1000", args.csv_rate),
-            }],
-        }
-        .into());
+        let message = format!("{} is out of range; allowed: the divisors of 1000", args.csv_rate);
+        return Err(option_error("--csv-rate", message).into());
     }
     let scenario = load::scenario(&args.scenario, &common.set, args.commands.as_deref())?;
     load::flyable(&args.scenario, &scenario)?;
@@ -73,12 +66,12 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.timing.step_us = cost.durations.percentiles();
     report.overrides = common.set.clone();
     if let Some(folder) = &folder {
-        folder.write(&mut report)?;
+        folder.write_report(&mut report)?;
     }
     if common.json {
         print_json(&report)?;
     } else {
-        print_text(&summary(&report))?;
+        print_text(&summary::text(&report))?;
     }
     Ok(ExitCode::from(if report.expect.passed { DONE } else { UNEXPECTED }))
 }

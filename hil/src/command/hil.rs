@@ -9,17 +9,19 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use hopbench::input::InputError;
 use hopbench::scenario::Scenario;
-use hopbench::simulation::{Flight, Instrumentation, Source};
+use hopbench::simulation::report::Timing;
+use hopbench::simulation::{Flight, Instrumentation, Report, Source};
 
-use super::{Common, DONE, UNEXPECTED, interrupt, print_json, print_text, wrong};
+use super::{Common, DONE, UNEXPECTED, interrupt, option_error, print_json, print_text, sensor_rate};
 use crate::bench::baseline::Baselines;
 use crate::bench::ground::Ground;
 use crate::bench::live::Live;
 use crate::bench::pilot::Pilot;
 use crate::bench::realtime::{self, Privileges};
 use crate::bench::{Belief, Bench, Options};
-use crate::evidence::certificate::{self, Machine};
-use crate::evidence::report::{RunFolder, summary};
+use crate::evidence::certificate::{self, BenchSetup, Host};
+use crate::evidence::run_folder::RunFolder;
+use crate::evidence::summary;
 use crate::load;
 use crate::wire::link::{Link, LinkSpec};
 use crate::wire::profile::{self, Budget, Pacing, Profile, SensorRates};
@@ -29,13 +31,15 @@ use crate::wire::profile::{self, Budget, Pacing, Profile, SensorRates};
 pub struct Args {
     /// Scenario file
     pub scenario: PathBuf,
-    /// Flight controller: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or tcp-listen:HOST:PORT; absent: the built-in autopilot, over a loopback UDP link
+    /// Flight controller: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or
+    /// tcp-listen:HOST:PORT; absent: the built-in autopilot, over a loopback UDP link
     #[arg(long, value_name = "LINK")]
     pub fc: Option<LinkSpec>,
     /// What the flight controller expects; by default what fits the link
     #[arg(long, value_name = "PROFILE", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
     pub profile: Option<String>,
-    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a link as for --fc
+    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a
+    /// link as for --fc
     #[arg(long, value_name = "LINK")]
     pub gcs: Option<LinkSpec>,
     /// After a flight wait for a reset and fly again, until Ctrl-C
@@ -65,7 +69,8 @@ pub struct Args {
     /// Measure a bare sleep and a bare echo beside the run
     #[arg(long)]
     pub references: bool,
-    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real board may fire real outputs
+    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real board
+    /// may fire real outputs
     #[arg(long)]
     pub igniter_disconnected: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens
@@ -79,44 +84,19 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         // The file of an earlier run would name a port where nobody listens.
         remove_ready_file(path)?;
     }
-    let mut scenario = load::scenario(&args.scenario, &common.set, None)?;
-    if scenario.schedule.is_some() {
-        return Err(
-            load::unusable(&args.scenario, "a command schedule flies by itself: use `hopbench fly`").into()
-        );
-    }
-    if !scenario.file.sensors.enabled {
-        return Err(load::unusable(&args.scenario, "sensors.enabled = false leaves nothing to send").into());
-    }
-    let profile = chosen_profile(args);
-    check_interlock(args, profile)?;
-    let pacing = chosen_pacing(args, profile)?;
+    let mut scenario = scenario_for_bench(args, common)?;
+    let live = Live::stderr();
+    let options = options(args, &scenario, &live)?;
+    let profile = options.profile;
     let instruments =
         Instrumentation { imu_rate_hz: args.sensor_hz.map(f64::from), gnss_delay_s: profile.gnss_delay_s };
-    check_cpu(args)?;
-    let live = Live::stderr();
-    let baud = check_budget(args, profile, &scenario, &live)?;
-    let raised = profile.raise_noise(&mut scenario.vehicle.sensors, instruments.imu_rate_hz);
-    if !raised.is_empty() {
-        live.notice(format!(
-            "noise raised to one step of what {} stores, lest its checks take samples for stuck: {}",
-            profile.name,
-            raised.join(", ")
-        ));
-    }
+    raise_noise(profile, &mut scenario, &instruments, &live);
     let seed = common.seed.unwrap_or(scenario.file.seed);
     let mut flight = Flight::with(&scenario, seed, &instruments)
         .map_err(|fault| load::contradiction(&args.scenario, fault))?;
 
-    let spec = match &args.fc {
-        Some(spec) => spec.clone(),
-        None => "udp-listen:127.0.0.1:0".parse()?,
-    };
-    let mut link = Link::open(&spec)?;
-    let mut ground = match &args.gcs {
-        Some(spec) => Some(Ground::new(Link::open(spec)?, baud_of(spec))),
-        None => None,
-    };
+    let mut link = open_link(args)?;
+    let mut ground = open_ground(args)?;
     let folder = match &common.out {
         Some(path) => RunFolder::create(path)?,
         None => RunFolder::for_run_of(&scenario.name)?,
@@ -126,27 +106,10 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         Some(_) => None,
         None => Some(BuiltIn::start(&scenario, &instruments, profile, link.address())?),
     };
-    if let Some(path) = &args.ready_file {
-        write_ready_file(path, &link, ground.as_ref())?;
-    }
-    live.notice(format!("{} on {}, profile {}", scenario.name, link.address(), profile.name));
-    if let Some(ground) = &ground {
-        live.notice(format!("ground station on {}", ground.address()));
-    }
-    link.port_settings().into_iter().for_each(|settings| live.notice(settings.to_owned()));
+    announce(args, &scenario, profile, &link, ground.as_ref(), &live)?;
 
-    let options = Options {
-        profile,
-        pacing,
-        fast: args.fast,
-        lockstep_timeout: Duration::from_millis(args.lockstep_timeout_ms),
-        source: if args.fc.is_some() { Source::Fc } else { Source::Autopilot },
-        baud,
-    };
     let belief = || built_in.as_ref().and_then(BuiltIn::belief);
-    let privileges = privileges(args);
-    let baselines = args.references.then(|| Baselines::start((flight.step_s() * 1e6).round() as u64));
-    let baselines = baselines.transpose().context("no bare sleep and echo beside the run")?;
+    let scheduling = Scheduling::begin(args, flight.step_s())?;
     let mut bench = Bench::new(&mut flight, &mut link, options, live).with_belief(&belief);
     if let Some(ground) = &mut ground {
         bench = bench.with_ground(ground);
@@ -155,13 +118,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         bench = bench.until_stopped();
     }
     let (mut timing, link_report) = bench.run(&stop);
-    if let Some((sleep, echo)) = baselines.map(Baselines::finish) {
-        (timing.reference_sleep_us, timing.reference_echo_us) = (sleep.percentiles(), echo.percentiles());
-    }
-    timing.scheduler = privileges.as_ref().map(|privileges| privileges.granted().clone());
+    scheduling.end(&mut timing);
     timing.sensor_hz = instruments.imu_rate_hz.or(Some(scenario.vehicle.sensors.imu.rate_hz));
-    // The rest is in no hurry.
-    drop(privileges);
     if let Some(built_in) = built_in {
         built_in.join();
     }
@@ -174,34 +132,138 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     report.link = Some(link_report);
     report.overrides = common.set.clone();
     report.ground = ground.as_ref().map(Ground::figures);
+    let setup = BenchSetup { profile: profile.name, link: link.address(), step_s: flight.step_s() };
+    present(&mut report, &folder, &setup, common)
+}
+
+/// The scenario, which must leave something to send to a flight controller.
+fn scenario_for_bench(args: &Args, common: &Common) -> Result<Scenario, InputError> {
+    let scenario = load::scenario(&args.scenario, &common.set, None)?;
+    if scenario.schedule.is_some() {
+        let message = "a command schedule flies by itself: use `hopbench fly`";
+        return Err(load::unusable(&args.scenario, message));
+    }
+    if !scenario.file.sensors.enabled {
+        return Err(load::unusable(&args.scenario, "sensors.enabled = false leaves nothing to send"));
+    }
+    Ok(scenario)
+}
+
+/// How the run is to be made; what cannot be, or may not be, is refused before anything is opened.
+fn options(args: &Args, scenario: &Scenario, live: &Live) -> Result<Options, InputError> {
+    let profile = chosen_profile(args);
+    check_interlock(args, profile)?;
+    let pacing = chosen_pacing(args, profile)?;
+    check_cpu(args)?;
+    Ok(Options {
+        profile,
+        pacing,
+        fast: args.fast,
+        lockstep_timeout: Duration::from_millis(args.lockstep_timeout_ms),
+        source: if args.fc.is_some() { Source::Fc } else { Source::Autopilot },
+        baud: check_budget(args, profile, scenario, live)?,
+    })
+}
+
+/// Raises noise that the flight controller's checks would take for a dead sensor, and says so.
+fn raise_noise(profile: &Profile, scenario: &mut Scenario, instruments: &Instrumentation, live: &Live) {
+    let raised = profile.raise_noise(&mut scenario.vehicle.sensors, instruments.imu_rate_hz);
+    if !raised.is_empty() {
+        live.notice(format!(
+            "noise raised to one step of what {} stores, lest its checks take samples for stuck: {}",
+            profile.name,
+            raised.join(", ")
+        ));
+    }
+}
+
+/// The flight controller's link, or a loopback for the built-in autopilot.
+fn open_link(args: &Args) -> Result<Link> {
+    let spec = match &args.fc {
+        Some(spec) => spec.clone(),
+        None => "udp-listen:127.0.0.1:0".parse()?,
+    };
+    Ok(Link::open(&spec)?)
+}
+
+fn open_ground(args: &Args) -> Result<Option<Ground>> {
+    let Some(spec) = &args.gcs else { return Ok(None) };
+    Ok(Some(Ground::new(Link::open(spec)?, baud_of(spec))))
+}
+
+/// Says where the bench listens, to programs in the ready file and to people.
+fn announce(
+    args: &Args,
+    scenario: &Scenario,
+    profile: &Profile,
+    link: &Link,
+    ground: Option<&Ground>,
+    live: &Live,
+) -> Result<()> {
+    if let Some(path) = &args.ready_file {
+        write_ready_file(path, link, ground)?;
+    }
+    live.notice(format!("{} on {}, profile {}", scenario.name, link.address(), profile.name));
+    if let Some(ground) = ground {
+        live.notice(format!("ground station on {}", ground.address()));
+    }
+    link.port_settings().into_iter().for_each(|settings| live.notice(settings.to_owned()));
+    Ok(())
+}
+
+/// What the stepping thread, this one, has of the kernel, and what is measured beside the run to compare it with.
+struct Scheduling {
+    /// Nothing is asked for where no clock is followed.
+    privileges: Option<Privileges>,
+    baselines: Option<Baselines>,
+}
+
+impl Scheduling {
+    fn begin(args: &Args, step_s: f64) -> Result<Self> {
+        let privileges = (!args.no_realtime_priority && !args.fast).then(|| Privileges::acquire(args.cpu));
+        let baselines = args.references.then(|| Baselines::start((step_s * 1e6).round() as u64));
+        let baselines = baselines.transpose().context("no bare sleep and echo beside the run")?;
+        Ok(Self { privileges, baselines })
+    }
+
+    /// Gives the privileges back: what follows the run is in no hurry.
+    fn end(self, timing: &mut Timing) {
+        if let Some((sleep, echo)) = self.baselines.map(Baselines::finish) {
+            (timing.reference_sleep_us, timing.reference_echo_us) = (sleep.percentiles(), echo.percentiles());
+        }
+        timing.scheduler = self.privileges.as_ref().map(|privileges| privileges.granted().clone());
+    }
+}
+
+/// Leaves report and certificate in the folder, prints the report, and judges the run.
+fn present(
+    report: &mut Report,
+    folder: &RunFolder,
+    setup: &BenchSetup<'_>,
+    common: &Common,
+) -> Result<ExitCode> {
     // A flight that somebody cut short is judged too, but its verdict is not the run's.
     let others_passed = report.flights.iter().all(|flight| flight.expect.passed || flight.is_excused());
     // The verdict is printed whatever becomes of the disk.
-    let kept = folder.write(&mut report).and_then(|()| {
-        let bench =
-            certificate::Bench { profile: profile.name, link: link.address(), step_s: flight.step_s() };
-        folder.leave(certificate::FILE, &certificate::page(&report, &bench, &Machine::here()))
+    let written = folder.write_report(report).and_then(|()| {
+        folder.write_file(certificate::FILE, &certificate::page(report, setup, &Host::here()))
     });
     if common.json {
         print_json(&report)?;
     } else {
-        print_text(&summary(&report))?;
+        print_text(&summary::text(report))?;
     }
-    kept?;
+    written?;
     Ok(ExitCode::from(if report.expect.passed && others_passed { DONE } else { UNEXPECTED }))
-}
-
-/// What the stepping thread, this one, asks of the kernel; nothing where no clock is followed.
-fn privileges(args: &Args) -> Option<Privileges> {
-    (!args.no_realtime_priority && !args.fast).then(|| Privileges::acquire(args.cpu))
 }
 
 fn check_cpu(args: &Args) -> Result<(), InputError> {
     let allowed = realtime::cpus();
     match args.cpu {
-        Some(cpu) if !allowed.contains(&cpu) => {
-            Err(wrong("--cpu", format!("{cpu} is not one that this process may use; allowed: {allowed:?}")))
-        }
+        Some(cpu) if !allowed.contains(&cpu) => Err(option_error(
+            "--cpu",
+            format!("{cpu} is not one that this process may use; allowed: {allowed:?}"),
+        )),
         _ => Ok(()),
     }
 }
@@ -218,10 +280,13 @@ fn chosen_pacing(args: &Args, profile: &Profile) -> Result<Pacing, InputError> {
         _ => profile.pacing,
     };
     if pacing == Pacing::Lockstep && !profile.lockstep_possible {
-        return Err(wrong("--lockstep", format!("profile {} answers on a clock of its own", profile.name)));
+        return Err(option_error(
+            "--lockstep",
+            format!("profile {} answers on a clock of its own", profile.name),
+        ));
     }
     if args.fast && pacing != Pacing::Lockstep {
-        return Err(wrong("--fast", "only in lockstep: add --lockstep".to_owned()));
+        return Err(option_error("--fast", "only in lockstep: add --lockstep".to_owned()));
     }
     Ok(pacing)
 }
@@ -238,7 +303,7 @@ fn check_interlock(args: &Args, profile: &Profile) -> Result<(), InputError> {
          oxidiser, then say so with --igniter-disconnected",
         profile.name
     );
-    Err(wrong("--igniter-disconnected", reason))
+    Err(option_error("--igniter-disconnected", reason))
 }
 
 /// Whether the profile fits the line; its baud rate, where there is one.
@@ -265,7 +330,7 @@ fn check_budget(
                 "{load_percent:.0} % of {baud} baud would be taken by HIL_SENSOR at {:.0} Hz and what goes with it; {advice}",
                 rates.imu_hz
             );
-            return Err(wrong("--fc", taken));
+            return Err(option_error("--fc", taken));
         }
     }
     Ok(Some(baud))
@@ -341,11 +406,4 @@ fn write_ready_file(path: &Path, link: &Link, ground: Option<&Ground>) -> Result
     std::fs::write(&half, text)
         .and_then(|()| std::fs::rename(&half, path))
         .with_context(|| format!("cannot write {}", path.display()))
-}
-
-pub(super) fn sensor_rate(text: &str) -> Result<u32, String> {
-    match text.parse() {
-        Ok(hz) if hz > 0 && 1000 % hz == 0 => Ok(hz),
-        _ => Err("allowed: the divisors of 1000".to_owned()),
-    }
 }

@@ -7,8 +7,8 @@ use anyhow::Result;
 use hopbench::scenario::FileKind;
 use serde_json::json;
 
-use super::{Common, DONE, print_json, print_text, wrong};
-use crate::evidence::report::RunFolder;
+use super::{Common, DONE, in_range, option_error, print_json, print_text};
+use crate::evidence::run_folder::RunFolder;
 use crate::load;
 use crate::px4::budget::Hop;
 use crate::px4::{airframe, files};
@@ -26,14 +26,6 @@ pub struct Args {
     pub hold_s: f64,
 }
 
-/// A number of the command line within its allowed range.
-fn within(name: &str, value: f64, least: f64, most: f64) -> Result<f64> {
-    if (least..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(wrong(name, format!("{value} is out of range; allowed {least} to {most}")).into())
-}
-
 /// The folder of a vehicle that nobody named one for: letters, digits and the like of its name.
 fn folder_of(vehicle: &str) -> PathBuf {
     let plain = |c: char| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
@@ -43,8 +35,8 @@ fn folder_of(vehicle: &str) -> PathBuf {
 /// Runs the command.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let hop = Hop {
-        height_m: within("--height-m", args.height_m, 2.0, 200.0)?,
-        hold_s: within("--hold-s", args.hold_s, 0.0, 300.0)?,
+        height_m: in_range("--height-m", args.height_m, 2.0, 200.0)?,
+        hold_s: in_range("--hold-s", args.hold_s, 0.0, 300.0)?,
     };
     let document = load::document(&args.vehicle)?;
     if FileKind::of(&document)? != FileKind::Vehicle {
@@ -53,7 +45,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;
     let airframe = airframe(&vehicle, &hop).map_err(|fault| {
         if fault.key.starts_with("--") {
-            wrong(&fault.key, fault.message)
+            option_error(&fault.key, fault.message)
         } else {
             document.error(vec![fault])
         }
@@ -62,14 +54,15 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let folder = RunFolder::create(&out)?;
     let files = files::files(&airframe);
     for file in &files {
-        folder.leave(file.name, &file.text)?;
+        folder.write_file(file.name, &file.text)?;
     }
     if common.json {
         let names: Vec<_> = files.iter().map(|file| folder.path().join(file.name)).collect();
         print_json(&json!({ "out": folder.path(), "files": names, "airframe": airframe }))?;
         return Ok(ExitCode::from(DONE));
     }
-    let mut text = format!("PX4 airframe of {}\n\n{}\n", airframe.vehicle, files::budget(&airframe.budget));
+    let mut text =
+        format!("PX4 airframe of {}\n\n{}\n", airframe.vehicle, files::budget_table(&airframe.budget));
     let [x, y, z] = airframe.tuning.unit_effect_rad_s2;
     text += &format!(
         "At hover, {:.1} kg, full command turns the vehicle at {x:.2}, {y:.2} and {z:.2} rad/s² about FRD x, y, z.\n\n",

@@ -10,18 +10,18 @@ use hopbench::noise::{Stream, stream};
 use hopbench::signal::{AltimeterSample, BarometerSample, GnssFix, ImuSample, Measurement};
 use hopbench::time::SimTime;
 
-use super::{Heard, Sender};
+use super::observation::{ControlsStatistics, Sender, Traffic};
 use crate::wire::link::{Link, Notice};
 use crate::wire::mavlink::{ControlsFrame, Decoder, Frame, FromFc, MODE_ARMED, MODE_HIL};
 use crate::wire::profile::{Heartbeat, Profile, SensorRates};
 use crate::wire::stream::Streams;
 
 /// A jump of the controller's clock ahead of this machine's: more than any queue on the way explains (s).
-const JUMP_S: f64 = 0.5;
+const CLOCK_JUMP_S: f64 = 0.5;
 /// Bytes kept to show what speaks.
 const FIRST_BYTES: usize = 256;
 /// Senders that are told apart; noise that looks like more is not followed.
-const SENDERS: usize = 32;
+const MOST_SENDERS: usize = 32;
 
 /// Listens for `time`, or until `stop`.
 pub fn listen(
@@ -30,67 +30,69 @@ pub fn listen(
     rates: &SensorRates,
     time: Duration,
     stop: &AtomicBool,
-) -> Heard {
+) -> Traffic {
     let start = Instant::now();
-    let mut ear = Ear { start, heard: Heard::default(), decoder: Decoder::default(), last: Vec::new() };
-    let mut mouth = Mouth::new(profile, rates, start);
+    let mut receiver =
+        Receiver { start, traffic: Traffic::default(), decoder: Decoder::default(), last: Vec::new() };
+    let mut transmitter = Transmitter::new(profile, rates, start);
     let mut bytes = Vec::new();
     while start.elapsed() < time && !stop.load(Ordering::Relaxed) {
-        let wake = mouth.speak(link, &mut ear.heard).min(start + time);
+        let wake = transmitter.send_due(link, &mut receiver.traffic).min(start + time);
         link.wait(wake);
         bytes.clear();
         link.receive(&mut bytes);
-        ear.heard.met |= link.has_peer();
+        receiver.traffic.had_peer |= link.has_peer();
         for notice in link.take_notices() {
             match notice {
-                Notice::Connected(_) => ear.decoder.forget_senders(),
-                Notice::Disconnected(why) => ear.heard.lost.push(why),
-                Notice::Refused(who) => ear.heard.refused.push(who),
+                Notice::Connected(_) => receiver.decoder.forget_senders(),
+                Notice::Disconnected(why) => receiver.traffic.losses.push(why),
+                Notice::Refused(who) => receiver.traffic.refused_peers.push(who),
             }
         }
-        ear.take(&bytes);
+        receiver.receive(&bytes);
     }
-    ear.heard.listened_s = start.elapsed().as_secs_f64();
-    ear.heard.decoded = ear.decoder.counters();
-    ear.heard
+    receiver.traffic.listened_s = start.elapsed().as_secs_f64();
+    receiver.traffic.counters = receiver.decoder.counters();
+    receiver.traffic
 }
 
-struct Ear {
+/// What arrives, and what is known of it.
+struct Receiver {
     start: Instant,
-    heard: Heard,
+    traffic: Traffic,
     decoder: Decoder,
-    /// What the last frame of each sender said, in the order of `heard.senders`.
-    last: Vec<Last>,
+    /// What the last frame of each sender said, in the order of `traffic.senders`.
+    last: Vec<LastFrame>,
 }
 
 /// The last frame of a sender.
-struct Last {
+struct LastFrame {
     sequence: u8,
     /// The sender's time and this machine's at its last controls (s).
     clock: Option<(f64, f64)>,
 }
 
-impl Ear {
-    fn take(&mut self, bytes: &[u8]) {
-        let heard = &mut self.heard;
-        heard.bytes += bytes.len() as u64;
-        let room = FIRST_BYTES - heard.first_bytes.len();
-        heard.first_bytes.extend_from_slice(&bytes[..bytes.len().min(room)]);
+impl Receiver {
+    fn receive(&mut self, bytes: &[u8]) {
+        let traffic = &mut self.traffic;
+        traffic.bytes += bytes.len() as u64;
+        let room = FIRST_BYTES - traffic.first_bytes.len();
+        traffic.first_bytes.extend_from_slice(&bytes[..bytes.len().min(room)]);
         self.decoder.push(bytes);
         while let Some(frame) = self.decoder.next_frame() {
-            self.take_frame(&frame);
+            self.receive_frame(&frame);
         }
     }
 
-    fn take_frame(&mut self, frame: &Frame) {
-        let id = (frame.sender.system, frame.sender.component);
-        self.heard.version_1 += u64::from(frame.is_version_1());
-        let senders = &mut self.heard.senders;
-        let place = match senders.iter().position(|sender| sender.id == id) {
+    fn receive_frame(&mut self, frame: &Frame) {
+        let address = frame.sender;
+        self.traffic.version_1 += u64::from(frame.is_version_1());
+        let senders = &mut self.traffic.senders;
+        let place = match senders.iter().position(|sender| sender.address == address) {
             Some(place) => place,
-            None if senders.len() < SENDERS => {
-                senders.push(Sender { id, ..Default::default() });
-                self.last.push(Last { sequence: frame.sequence.wrapping_sub(1), clock: None });
+            None if senders.len() < MOST_SENDERS => {
+                senders.push(Sender { address, ..Default::default() });
+                self.last.push(LastFrame { sequence: frame.sequence.wrapping_sub(1), clock: None });
                 senders.len() - 1
             }
             None => return,
@@ -109,16 +111,16 @@ impl Ear {
             }
             FromFc::Controls(controls) => {
                 sender.armed |= controls.armed();
-                sender.controls.take(&controls, self.start.elapsed().as_secs_f64(), &mut last.clock);
+                sender.controls.add(&controls, self.start.elapsed().as_secs_f64(), &mut last.clock);
             }
             _ => {}
         }
     }
 }
 
-impl super::ControlsSeen {
-    /// `clock`: the controller's time and this machine's at its last frame (s).
-    fn take(&mut self, frame: &ControlsFrame, now_s: f64, clock: &mut Option<(f64, f64)>) {
+impl ControlsStatistics {
+    /// Takes one frame in. `clock`: the controller's time and this machine's at its last frame (s).
+    fn add(&mut self, frame: &ControlsFrame, now_s: f64, clock: &mut Option<(f64, f64)>) {
         if self.frames == 0 {
             self.first_s = now_s;
         }
@@ -142,7 +144,7 @@ impl super::ControlsSeen {
             let back = its_s < its_last_s;
             let ahead_s = (its_s - its_last_s) - (now_s - last_s);
             // A clock that seems to stand still is a frame that was late.
-            if back || ahead_s > JUMP_S {
+            if back || ahead_s > CLOCK_JUMP_S {
                 self.jumps += 1;
                 let jump_s = if back { its_s - its_last_s } else { ahead_s };
                 if jump_s.abs() > self.worst_jump_s.abs() {
@@ -155,7 +157,7 @@ impl super::ControlsSeen {
 }
 
 /// What goes out.
-struct Mouth {
+struct Transmitter {
     profile: &'static Profile,
     rates: SensorRates,
     streams: Streams,
@@ -166,7 +168,7 @@ struct Mouth {
     next_heartbeat: Instant,
 }
 
-impl Mouth {
+impl Transmitter {
     fn new(profile: &'static Profile, rates: &SensorRates, start: Instant) -> Self {
         Self {
             profile,
@@ -179,10 +181,10 @@ impl Mouth {
         }
     }
 
-    /// Says what is due; when the next is due.
-    fn speak(&mut self, link: &mut Link, heard: &mut Heard) -> Instant {
+    /// Sends what is due; returns when the next is.
+    fn send_due(&mut self, link: &mut Link, traffic: &mut Traffic) -> Instant {
         let now = Instant::now();
-        let fc = heard.flight_controller();
+        let fc = traffic.flight_controller();
         if !link.has_peer() {
             return now + Duration::from_millis(20);
         }
@@ -192,7 +194,7 @@ impl Mouth {
                 let eager = self.profile.heartbeat == Heartbeat::EagerUntilAnswered && fc.is_none();
                 self.next_heartbeat = now + Duration::from_millis(if eager { 100 } else { 1000 });
                 self.streams.put_heartbeat();
-                self.send(link, heard);
+                self.send(link, traffic);
             }
             return now + Duration::from_millis(20);
         }
@@ -202,14 +204,14 @@ impl Mouth {
             self.samples = reached;
             let measurement = self.at_rest();
             self.streams.put_measurement(&measurement);
-            heard.sensors_sent += 1;
-            self.send(link, heard);
+            traffic.sensors_sent += 1;
+            self.send(link, traffic);
         }
         self.start + Duration::from_secs_f64((self.samples + 1) as f64 / self.rates.imu_hz)
     }
 
-    fn send(&mut self, link: &mut Link, heard: &mut Heard) {
-        heard.not_taken += u64::from(!link.send(self.streams.bytes()));
+    fn send(&mut self, link: &mut Link, traffic: &mut Traffic) {
+        traffic.writes_not_taken += u64::from(!link.send(self.streams.bytes()));
         self.streams.bytes().clear();
     }
 

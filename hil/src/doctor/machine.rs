@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Resource, Rlimit, getrlimit};
 
-use super::Finding;
+use super::catalog;
+use super::finding::{Finding, worst_first};
 use crate::wire::port::{self, Port, word};
 
 /// What a bench needs of its machine. `None`: this machine does not say.
@@ -35,8 +36,8 @@ pub struct Machine {
     pub modem_manager: Option<u32>,
 }
 
-/// Looks; takes about 0.1 s for the sleeps.
-pub fn look() -> Machine {
+/// Inspects this machine; takes about 0.1 s, for the sleeps.
+pub fn inspect() -> Machine {
     let limit = |resource| {
         let Rlimit { current, .. } = getrlimit(resource);
         current
@@ -57,33 +58,32 @@ pub fn look() -> Machine {
 }
 
 fn sleep_late_us() -> (f64, f64) {
-    const NAP: Duration = Duration::from_millis(1);
-    let nap = |_| {
+    const SLEEP: Duration = Duration::from_millis(1);
+    let sleep = |_| {
         let start = Instant::now();
-        std::thread::sleep(NAP);
-        start.elapsed().saturating_sub(NAP).as_secs_f64() * 1e6
+        std::thread::sleep(SLEEP);
+        start.elapsed().saturating_sub(SLEEP).as_secs_f64() * 1e6
     };
-    let mut late_us: Vec<f64> = (0..100).map(nap).collect();
+    let mut late_us: Vec<f64> = (0..100).map(sleep).collect();
     late_us.sort_by(f64::total_cmp);
     (late_us[50], late_us[99])
 }
 
-impl Machine {
-    pub(super) fn findings(&self) -> Vec<Finding> {
-        let (median_us, worst_us) = self.sleep_late_us;
-        let mut findings = vec![
-            Finding::Cpus { count: self.cpus },
-            Finding::Sleep { median_us, worst_us, slack_ns: self.timer_slack_ns },
-            Finding::Priority { limit: self.priority_limit, root: self.root },
-            Finding::MemoryLock { limit_bytes: self.memory_lock_bytes.filter(|_| !self.root) },
-            Finding::Ports { ports: self.ports.clone() },
-        ];
-        findings.extend(self.clock_source.clone().map(|name| Finding::ClockSource { name }));
-        findings.extend(self.governor.clone().map(|name| Finding::Governor { name }));
-        findings.extend(self.modem_manager.map(|pid| Finding::ModemManager { pid }));
-        if self.in_dialout == Some(false) && !self.root {
-            findings.push(Finding::NotInGroup { group: "dialout".to_owned() });
-        }
-        findings
+/// What is wrong with a machine, worst first.
+pub fn diagnose_machine(machine: &Machine) -> Vec<Finding> {
+    let (median_us, worst_us) = machine.sleep_late_us;
+    let mut findings = vec![
+        catalog::cpus(machine.cpus),
+        catalog::sleep(median_us, worst_us, machine.timer_slack_ns),
+        catalog::priority(machine.priority_limit, machine.root),
+        catalog::memory_lock(machine.memory_lock_bytes.filter(|_| !machine.root)),
+        catalog::ports(&machine.ports),
+    ];
+    findings.extend(machine.clock_source.as_deref().map(catalog::clock_source));
+    findings.extend(machine.governor.as_deref().map(catalog::governor));
+    findings.extend(machine.modem_manager.map(catalog::modem_manager));
+    if machine.in_dialout == Some(false) && !machine.root {
+        findings.push(catalog::not_in_group("dialout"));
     }
+    worst_first(findings)
 }

@@ -1,8 +1,8 @@
 //! The timing certificate: one page that a person can sign, made from a run's report.
 //!
-//! Each line has its figure, its budget and whether it is within. Budgets: a step of the plant for what has to happen in one;
-//! 100 us of lateness at 99 % (a tenth of the step at 1 kHz); 2 ms for a round trip at 99 %, a tenth of the
-//! period of a 50 Hz predictive controller; 70 % of a serial line, above which queues build up.
+//! Each line has its figure, its budget and whether it is within. Budgets: a step of the plant for what has to
+//! happen in one; 100 us of lateness at 99 % (a tenth of the step at 1 kHz); 2 ms for a round trip at 99 %, a tenth
+//! of the period of a 50 Hz predictive controller; 70 % of a serial line, above which queues build up.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use hopbench::event::EventKind;
 use hopbench::simulation::Report;
 use hopbench::simulation::report::{LinkReport, Percentiles, Scheduler, Timing};
 
-/// Its name in the folder of the run.
+/// Name of the certificate in the folder of a run.
 pub const FILE: &str = "certificate.txt";
 
 const LATENESS_BUDGET_US: f64 = 100.0;
@@ -21,7 +21,7 @@ const NAMED_CHANGES: usize = 10;
 
 /// How the run was set up, as far as the report does not say.
 #[derive(Clone, Copy, Debug)]
-pub struct Bench<'a> {
+pub struct BenchSetup<'a> {
     /// Name of the profile.
     pub profile: &'a str,
     /// The link as it was bound.
@@ -30,11 +30,11 @@ pub struct Bench<'a> {
     pub step_s: f64,
 }
 
-/// The computer that it ran on.
+/// The computer on which a run was made.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Machine {
-    /// Name.
-    pub host: String,
+pub struct Host {
+    /// Its name.
+    pub name: String,
     /// Kernel's release and build.
     pub kernel: String,
     /// Model and number of its processors.
@@ -43,8 +43,8 @@ pub struct Machine {
     pub clock: String,
 }
 
-impl Machine {
-    /// This one.
+impl Host {
+    /// This computer.
     pub fn here() -> Self {
         let system = rustix::system::uname();
         let text = |name: &std::ffi::CStr| name.to_string_lossy().into_owned();
@@ -55,7 +55,7 @@ impl Machine {
         let count = std::thread::available_parallelism().map_or(0, usize::from);
         let clock = file("/sys/devices/system/clocksource/clocksource0/current_clocksource");
         Self {
-            host: text(system.nodename()),
+            name: text(system.nodename()),
             kernel: format!(
                 "{} {} {}",
                 text(system.sysname()),
@@ -68,8 +68,8 @@ impl Machine {
     }
 }
 
-/// The page.
-pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
+/// The certificate as text.
+pub fn page(report: &Report, setup: &BenchSetup<'_>, host: &Host) -> String {
     let mut page = Page::default();
     let t = &report.timing;
     page.line("HOPBENCH TIMING CERTIFICATE");
@@ -78,10 +78,10 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
     page.entry("scenario", &format!("{}, seed {}", report.scenario, report.seed));
     page.entry("version", concat!("hopbench ", env!("CARGO_PKG_VERSION")));
     page.entry("state hash", &report.state_hash);
-    page.entry("host", &machine.host);
-    page.entry("kernel", &machine.kernel);
-    page.entry("processor", &format!("{}, clock {}", machine.cpu, machine.clock));
-    page.entry("link", &format!("{}, profile {}", bench.link, bench.profile));
+    page.entry("host", &host.name);
+    page.entry("kernel", &host.kernel);
+    page.entry("processor", &format!("{}, clock {}", host.cpu, host.clock));
+    page.entry("link", &format!("{}, profile {}", setup.link, setup.profile));
     page.entry("pacing", t.pacing.as_deref().unwrap_or("none"));
     let sensor = t.sensor_hz.map_or(String::new(), |hz| format!(", sensors {hz:.0} Hz"));
     page.entry("plant", &format!("{}, {:.0} Hz{sensor}", name(&t.plant_mode), t.plant_hz));
@@ -94,12 +94,12 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
     }
     scheduler(&mut page, t.scheduler.as_ref());
     times(&mut page, t);
-    overruns(&mut page, t, bench);
+    overruns(&mut page, t, setup);
     if let Some(link) = &report.link {
         wire(&mut page, link, report);
     }
     page.line("");
-    page.line(match page.beyond {
+    page.line(match page.over_budget {
         0 => "Every line that has a budget is within it.",
         _ => "NOT every line is within its budget.",
     });
@@ -112,7 +112,7 @@ pub fn page(report: &Report, bench: &Bench<'_>, machine: &Machine) -> String {
 struct Page {
     text: String,
     /// Lines that are not within their budget.
-    beyond: u32,
+    over_budget: u32,
 }
 
 impl Page {
@@ -131,7 +131,7 @@ impl Page {
 
     /// A figure with the most that it may be.
     fn judged(&mut self, name: &str, value: &str, limit: &str, within: bool) {
-        self.beyond += u32::from(!within);
+        self.over_budget += u32::from(!within);
         let verdict = if within { "yes" } else { "NO" };
         self.line(&format!("{name:<22}{value:<44}{limit:<20}{verdict}"));
     }
@@ -155,11 +155,11 @@ fn scheduler(page: &mut Page, granted: Option<&Scheduler>) {
 
 fn times(page: &mut Page, t: &Timing) {
     /// What of a distribution is held against its budget.
-    type Judged = fn(&Percentiles) -> f64;
+    type Statistic = fn(&Percentiles) -> f64;
     /// What is measured, and its budget: as words, what of it counts, and the most that it may be.
-    type Row<'a> = (&'a str, &'a Option<Percentiles>, Option<(&'a str, Judged, f64)>);
-    let p99: Judged = |p| p.p99;
-    let p999: Judged = |p| p.p999;
+    type Row<'a> = (&'a str, &'a Option<Percentiles>, Option<(&'a str, Statistic, f64)>);
+    let p99: Statistic = |p| p.p99;
+    let p999: Statistic = |p| p.p999;
     page.head("us                         p50       p99     p99.9       max      budget            within");
     let step = format!("p99.9 {:.0}", t.step_budget_us);
     let late = format!("p99 {LATENESS_BUDGET_US:.0}");
@@ -186,7 +186,7 @@ fn times(page: &mut Page, t: &Timing) {
     }
 }
 
-fn overruns(page: &mut Page, t: &Timing, bench: &Bench<'_>) {
+fn overruns(page: &mut Page, t: &Timing, setup: &BenchSetup<'_>) {
     page.head(&format!(
         "Steps: {} in {:.3} s, {:.3} s simulated. Overruns, steps begun more than a step late: {}",
         t.steps, t.wall_s, t.simulated_s, t.overruns
@@ -196,7 +196,7 @@ fn overruns(page: &mut Page, t: &Timing, bench: &Bench<'_>) {
     page.entry("late at the end", &format!("{} steps", t.overruns_open));
     page.judged("slips", &format!("{}, {:.6} s altogether", t.slips, t.slipped_s), "0", t.slips == 0);
     if let Some(unaccounted_us) = t.unaccounted_us {
-        let limit_us = bench.step_s * 1e6;
+        let limit_us = setup.step_s * 1e6;
         let value = format!("{unaccounted_us:.1} us of wall time");
         page.judged(
             "unaccounted for",

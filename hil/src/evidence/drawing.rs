@@ -1,4 +1,4 @@
-//! What the pictures share: letters, colours, and the way from a drawing to SVG text.
+//! What the pictures share: text, colours, and the way from a drawing to SVG text.
 
 use anyhow::{Result, anyhow};
 use plotters::chart::MeshStyle;
@@ -7,51 +7,51 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 /// A part of a picture.
-pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// What drawing gives.
-pub type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// What a drawing function returns.
+pub(super) type DrawResult = std::result::Result<(), Box<dyn std::error::Error>>;
 
-/// Letters and points.
-pub const INK: RGBColor = RGBColor(34, 40, 49);
-/// Less important letters, axes.
-pub const FAINT: RGBColor = RGBColor(110, 118, 128);
+/// Text and points.
+pub(super) const TEXT: RGBColor = RGBColor(34, 40, 49);
+/// Less important text, axes.
+pub(super) const MUTED: RGBColor = RGBColor(110, 118, 128);
 /// Grid.
 const GRID: RGBColor = RGBColor(222, 226, 231);
-/// What is shown.
-pub const LINE: RGBColor = RGBColor(0, 90, 156);
+/// A curve.
+pub(super) const LINE: RGBColor = RGBColor(0, 90, 156);
 /// A limit, and what lies beyond.
-pub const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
+pub(super) const AT_LIMIT: RGBColor = RGBColor(192, 57, 43);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
 
-/// The backend places everything on whole units: so many of them make a pixel.
-pub const SCALE: i32 = 8;
+/// Drawing units of a pixel: the backend places everything on whole units.
+pub(super) const SCALE: i32 = 8;
 
-/// Units of so many pixels.
-pub fn px(pixels: i32) -> i32 {
+/// A length in pixels as drawing units.
+pub(super) fn px(pixels: i32) -> i32 {
     SCALE * pixels
 }
 
-/// Letters of a height in pixels.
-pub fn letters(height: i32, color: &RGBColor) -> TextStyle<'static> {
+/// Text of a height in pixels.
+pub(super) fn text_style(height: i32, color: &RGBColor) -> TextStyle<'static> {
     (FONT, px(height)).into_font().color(color)
 }
 
-/// Grid, axes and letters of every chart.
-pub fn house_style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) {
+/// Grid, axes and text of every chart.
+pub(super) fn chart_style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) {
     mesh.light_line_style(TRANSPARENT)
         .bold_line_style(GRID.stroke_width(SCALE as u32))
-        .axis_style(FAINT.stroke_width(SCALE as u32))
+        .axis_style(MUTED.stroke_width(SCALE as u32))
         .set_all_tick_mark_size(px(5))
-        .label_style(letters(14, &INK))
-        .axis_desc_style(letters(15, &INK));
+        .label_style(text_style(14, &TEXT))
+        .axis_desc_style(text_style(15, &TEXT));
 }
 
 /// A picture of a size in pixels, as SVG text.
 ///
 /// # Errors
 /// When it cannot be drawn.
-pub fn svg(size: (i32, i32), draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String> {
+pub(super) fn svg(size: (i32, i32), draw: impl FnOnce(&Area<'_>) -> DrawResult) -> Result<String> {
     let mut text = String::new();
     {
         let root =

@@ -14,7 +14,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 
 use crate::evidence::drawing::{
-    AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg,
+    AT_LIMIT, Area, DrawResult, LINE, MUTED, SCALE, TEXT, chart_style, px, svg, text_style,
 };
 
 /// One steady point, keys as in the manual.
@@ -65,7 +65,7 @@ impl Point {
 
 /// A point of the map: the demand, the engine's answer, and which limits it touches.
 #[derive(Clone, Debug, Serialize)]
-pub struct Demanded {
+pub struct ThrottlePoint {
     /// Demand as a share of the rated thrust (%).
     pub throttle_percent: f64,
     /// Demand (N).
@@ -105,7 +105,7 @@ pub struct ThrottleMap {
     /// Greatest oxidiser flow of a demand (kg/s).
     pub oxidizer_flow_max_kg_s: f64,
     /// The points, throttle rising.
-    pub points: Vec<Demanded>,
+    pub points: Vec<ThrottlePoint>,
 }
 
 /// Throttle steps of a map go this far beyond the greatest thrust.
@@ -127,7 +127,7 @@ impl ThrottleMap {
                 let throttle_percent = f64::from(percent);
                 let thrust_command_n = 0.01 * throttle_percent * rating.thrust_rated_n;
                 let Inverse { valve_rad, point, saturated, .. } = ask(thrust_command_n);
-                Demanded {
+                ThrottlePoint {
                     throttle_percent,
                     thrust_command_n,
                     below_minimum_command: thrust_command_n < rating.thrust_command_min_n,
@@ -163,12 +163,12 @@ impl ThrottleMap {
         let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,of_ratio,chamber_pa,\
              injector_inlet_pa,quality,thrust_n,isp_s,saturated,below_minimum_command,of_clamped,nozzle\n"
             .to_owned();
-        for demanded in &self.points {
-            let p = &demanded.point;
+        for row in &self.points {
+            let p = &row.point;
             text += &format!(
                 "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
-                demanded.throttle_percent,
-                demanded.thrust_command_n,
+                row.throttle_percent,
+                row.thrust_command_n,
                 p.valve_deg,
                 p.valve_area_m2,
                 p.oxidizer_kg_s,
@@ -180,9 +180,9 @@ impl ThrottleMap {
                 p.thrust_n,
                 p.isp_s,
                 p.saturated,
-                demanded.below_minimum_command,
-                demanded.of_clamped,
-                demanded.nozzle
+                row.below_minimum_command,
+                row.of_clamped,
+                row.nozzle
             );
         }
         text
@@ -193,30 +193,30 @@ impl ThrottleMap {
         svg(SIZE, |root| self.draw(root))
     }
 
-    fn draw(&self, root: &Area<'_>) -> Drawn {
-        let (head, rest) = root.split_vertically(px(HEAD));
-        let (panels, foot) = rest.split_vertically(px(SIZE.1 - HEAD - FOOT));
-        self.draw_head(&head)?;
+    fn draw(&self, root: &Area<'_>) -> DrawResult {
+        let (head, rest) = root.split_vertically(px(TITLE_HEIGHT));
+        let (panels, foot) = rest.split_vertically(px(SIZE.1 - TITLE_HEIGHT - LEGEND_HEIGHT));
+        self.draw_title(&head)?;
         let areas = panels.margin(0, 0, px(10), px(20)).split_evenly((3, 2));
         for (i, (area, panel)) in areas.iter().zip(PANELS).enumerate() {
             self.draw_panel(area, &panel, i >= 4)?;
         }
-        self.draw_foot(&foot)
+        self.draw_legend(&foot)
     }
 
-    fn draw_head(&self, area: &Area<'_>) -> Drawn {
+    fn draw_title(&self, area: &Area<'_>) -> DrawResult {
         let title = format!("Throttle map of {}", self.vehicle);
-        area.draw(&Text::new(title, (px(24), px(18)), letters(26, &INK)))?;
+        area.draw(&Text::new(title, (px(24), px(18)), text_style(26, &TEXT)))?;
         let condition = format!(
             "steady, lit; port radius {:.1} mm, throat radius {:.2} mm, N2O at {:.1} bar and {:.1} K; 100 % = {:.0} N",
             self.port_radius_mm, self.throat_radius_mm, self.tank_bar, self.tank_k, self.thrust_rated_n
         );
-        area.draw(&Text::new(condition, (px(24), px(52)), letters(15, &FAINT)))?;
+        area.draw(&Text::new(condition, (px(24), px(52)), text_style(15, &MUTED)))?;
         Ok(())
     }
 
     /// What the shades and colours mean.
-    fn draw_foot(&self, area: &Area<'_>) -> Drawn {
+    fn draw_legend(&self, area: &Area<'_>) -> DrawResult {
         let limit = if self.limited_by == "oxidizer_flow" {
             format!(
                 "oxidiser flow clamped at {:.3} kg/s: the point at the limit",
@@ -238,13 +238,13 @@ impl ThrottleMap {
             // The backend has no font to measure by: half an em is the mean width of a letter.
             let width = 7 * text.chars().count() as i32;
             area.draw(&Rectangle::new([(px(x), px(12)), (px(x + 18), px(24))], color.filled()))?;
-            area.draw(&Text::new(text, (px(x + 26), px(12)), letters(14, &INK)))?;
+            area.draw(&Text::new(text, (px(x + 26), px(12)), text_style(14, &TEXT)))?;
             x += 26 + width + 24;
         }
         Ok(())
     }
 
-    fn draw_panel(&self, area: &Area<'_>, panel: &Panel, labelled: bool) -> Drawn {
+    fn draw_panel(&self, area: &Area<'_>, panel: &Panel, labelled: bool) -> DrawResult {
         let last = self.points.last().map_or(1.0, |p| p.throttle_percent);
         let high = self.points.iter().map(|p| (panel.value)(&p.point)).fold(0.0, f64::max);
         let top = if high > 0.0 && high.is_finite() { 1.08 * high } else { 1.0 };
@@ -263,27 +263,48 @@ impl ThrottleMap {
         let whole = |x: &f64| format!("{x:.0}");
         let label = |y: &f64| panel.text(*y, 0);
         let mut mesh = chart.configure_mesh();
-        house_style(&mut mesh);
+        chart_style(&mut mesh);
         mesh.x_labels(8).y_labels(5).x_label_formatter(&whole).y_label_formatter(&label).y_desc(panel.name);
         if labelled {
             mesh.x_desc("throttle (% of rated thrust)");
         }
         mesh.draw()?;
         if !high.is_finite() {
-            let text = Text::new("no fuel is left to burn", (0.06 * last, 0.5 * top), letters(15, &INK));
+            let text = Text::new("no fuel is left to burn", (0.06 * last, 0.5 * top), text_style(15, &TEXT));
             chart.draw_series([text])?;
             return Ok(());
         }
 
-        let value = |p: &Demanded| (panel.value)(&p.point);
+        for (line, color) in self.curve(panel, most) {
+            chart.draw_series(LineSeries::new(line, color.stroke_width(3 * SCALE as u32)))?;
+        }
+        let value = |p: &ThrottlePoint| (panel.value)(&p.point);
+        let rated = self.points.iter().find(|p| p.throttle_percent >= 100.0 && !p.point.saturated);
+        if let Some(rated) = rated {
+            let at = (rated.throttle_percent, value(rated));
+            chart.draw_series([Circle::new(at, px(5), LINE.filled())])?;
+            // Above the curve: left of a rising one, right of a falling one.
+            let falls = self.points.first().is_some_and(|first| value(first) > at.1);
+            let (side, dx) = if falls { (HPos::Left, 8) } else { (HPos::Right, -8) };
+            let style = text_style(14, &LINE).pos(Pos::new(side, VPos::Bottom));
+            let text = Text::new(panel.text(at.1, 1), (px(dx), px(-6)), style);
+            chart.draw_series([EmptyElement::at(at) + text])?;
+        }
+        Ok(())
+    }
+
+    /// The curve of a panel as lines of one colour each; the limit is reached at `limit_percent`.
+    fn curve(&self, panel: &Panel, limit_percent: f64) -> Vec<(Vec<(f64, f64)>, RGBColor)> {
+        let value = |p: &ThrottlePoint| (panel.value)(&p.point);
         // The demand at which the limit is reached lies between two steps: both sides are drawn to it.
-        let limit = self.points.iter().find(|p| p.point.saturated).map(|p| (most, value(p)));
-        let parts: [(Belongs, RGBColor); 3] = [
+        let limit = self.points.iter().find(|p| p.point.saturated).map(|p| (limit_percent, value(p)));
+        let kinds: [(PointFilter, RGBColor); 3] = [
             (|p| !p.point.saturated && !p.of_clamped, LINE),
             (|p| p.point.saturated && !p.of_clamped, AT_LIMIT),
             (|p| p.of_clamped, CLAMPED),
         ];
-        for (belongs, color) in parts {
+        let mut curve = Vec::new();
+        for (belongs, color) in kinds {
             // Neighbouring points of one kind make one line.
             for run in self.points.chunk_by(|a, b| belongs(a) == belongs(b)).filter(|run| belongs(&run[0])) {
                 let mut line: Vec<(f64, f64)> = run.iter().map(|p| (p.throttle_percent, value(p))).collect();
@@ -293,30 +314,19 @@ impl ThrottleMap {
                     Some(limit) if next > limit.0 => line.push(limit),
                     _ => {}
                 }
-                chart.draw_series(LineSeries::new(line, color.stroke_width(3 * SCALE as u32)))?;
+                curve.push((line, color));
             }
         }
-        let rated = self.points.iter().find(|p| p.throttle_percent >= 100.0 && !p.point.saturated);
-        if let Some(rated) = rated {
-            let at = (rated.throttle_percent, value(rated));
-            chart.draw_series([Circle::new(at, px(5), LINE.filled())])?;
-            // Above the curve: left of a rising one, right of a falling one.
-            let falls = self.points.first().is_some_and(|first| value(first) > at.1);
-            let (side, dx) = if falls { (HPos::Left, 8) } else { (HPos::Right, -8) };
-            let style = letters(14, &LINE).pos(Pos::new(side, VPos::Bottom));
-            let text = Text::new(panel.text(at.1, 1), (px(dx), px(-6)), style);
-            chart.draw_series([EmptyElement::at(at) + text])?;
-        }
-        Ok(())
+        curve
     }
 }
 
-type Belongs = fn(&Demanded) -> bool;
+type PointFilter = fn(&ThrottlePoint) -> bool;
 
 /// Size of the picture and of its parts (pixels).
 const SIZE: (i32, i32) = (1200, 1080);
-const HEAD: i32 = 84;
-const FOOT: i32 = 40;
+const TITLE_HEIGHT: i32 = 84;
+const LEGEND_HEIGHT: i32 = 40;
 const CLAMPED: RGBColor = RGBColor(230, 145, 20);
 const BELOW: RGBColor = RGBColor(240, 241, 243);
 const ABOVE: RGBColor = RGBColor(251, 229, 225);

@@ -7,9 +7,9 @@ use hopbench::input::Invalid;
 const MOTOR_1: i32 = 101;
 const SERVO_1: i32 = 201;
 
-/// How the channels of a vehicle are served.
+/// The channels of a vehicle as outputs of PX4.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outputs {
+pub(super) struct Outputs {
     /// Function of each output channel in use, by its index from 0: (index, function, what it moves).
     pub functions: Vec<(usize, i32, &'static str)>,
     /// +1, or -1 where the vehicle's map reverses: gimbal about x, about y, thrusters about z.
@@ -18,11 +18,11 @@ pub struct Outputs {
     pub two_roll_channels: bool,
 }
 
-/// Channels of a vehicle as PX4 outputs.
+/// Assigns an output function of PX4 to each channel of a vehicle.
 ///
 /// # Errors
 /// When the map holds what PX4 does not send.
-pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
+pub(super) fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     if controls.throttle == Some(ThrottleKind::Valve) {
         let message = "\"valve\": PX4 computes a thrust, and the valve's angle is far from linear in it; \
                        allowed \"thrust\", or absent";
@@ -46,7 +46,7 @@ pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     }
     let mut functions = Vec::new();
     for (name, channel, range, function, what) in needed {
-        sends(name, channel, range)?;
+        check_range(name, channel, range)?;
         functions.push((channel.index, function, what));
     }
     functions.sort_unstable();
@@ -58,8 +58,8 @@ pub fn outputs(controls: &Controls) -> Result<Outputs, Invalid> {
     })
 }
 
-/// Whether PX4 sends what the channel takes: motors 0 to 1, servos -1 to 1.
-fn sends(name: &str, channel: &Channel, range: [f64; 2]) -> Result<(), Invalid> {
+/// Refuses a range that PX4 does not send: motors 0 to 1, servos -1 to 1.
+fn check_range(name: &str, channel: &Channel, range: [f64; 2]) -> Result<(), Invalid> {
     if channel.range == range {
         return Ok(());
     }

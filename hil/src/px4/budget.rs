@@ -11,7 +11,8 @@ use hopbench::propulsion::{EngineCondition, WarmStart};
 use hopbench::vehicle::Vehicle;
 use serde::{Serialize, Serializer};
 
-use super::{Lander, tuning::Tuning};
+use super::lander::Lander;
+use super::tuning::Tuning;
 
 /// A hop to be flown.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,11 +94,11 @@ const LAND_M_S: f64 = 0.6;
 const SLOW_FROM_M: f64 = 4.0;
 const LAND_FROM_M: f64 = 2.0;
 /// Limit of jerk that flew (m/s³).
-pub const JERK_M_S3: f64 = 1.5;
+pub(super) const JERK_M_S3: f64 = 1.5;
 /// Ramp of the throttle from 0 to hover (s), as flown.
-pub const TAKEOFF_RAMP_S: f64 = 1.0;
+pub(super) const TAKEOFF_RAMP_S: f64 = 1.0;
 /// Speed upward near the ground, as flown (m/s).
-pub const TAKEOFF_SPEED_M_S: f64 = 1.0;
+pub(super) const TAKEOFF_SPEED_M_S: f64 = 1.0;
 /// From the end of the ramp to lift-off, as flown (s).
 const LIFT_OFF_S: f64 = 0.3;
 /// From contact to "Landing detected", as flown (s), charged at full weight though the throttle decays.
@@ -105,8 +106,8 @@ const TOUCHDOWN_S: f64 = 3.2;
 /// Longest step of the integration (s).
 const STEP_S: f64 = 0.25;
 
-/// Full tanks, fresh port.
-pub fn full(vehicle: &Vehicle) -> Contents {
+/// Contents with full tanks and a fresh port.
+pub fn full_contents(vehicle: &Vehicle) -> Contents {
     contents(vehicle, vehicle.initial_nitrous_kg(), vehicle.engine.grain().port_radius_m)
 }
 
@@ -126,7 +127,7 @@ fn contents(vehicle: &Vehicle, nitrous_kg: f64, port_radius_m: f64) -> Contents 
 ///
 /// # Errors
 /// When even the fastest pace leaves too little.
-pub fn spend(vehicle: &Vehicle, hop: &Hop) -> Result<Budget, Invalid> {
+pub fn hop_budget(vehicle: &Vehicle, hop: &Hop) -> Result<Budget, Invalid> {
     let mut last = None;
     for [climb_m_s, sink_m_s] in SPEEDS_M_S {
         let pace = Pace {
@@ -136,7 +137,7 @@ pub fn spend(vehicle: &Vehicle, hop: &Hop) -> Result<Budget, Invalid> {
             slow_from_m: SLOW_FROM_M,
             land_from_m: LAND_FROM_M,
         };
-        let budget = at_pace(vehicle, hop, pace);
+        let budget = budget_at_pace(vehicle, hop, pace);
         if budget.longest_hold_s >= hop.hold_s {
             return Ok(budget);
         }
@@ -175,16 +176,16 @@ impl Budget {
 fn durations(hop: &Hop, pace: &Pace, tuning: &Tuning, ignition_s: f64) -> [(&'static str, f64); 6] {
     let [up, down] = tuning.acceleration_up_down_m_s2;
     // A speed is reached and left along ramps limited in acceleration and jerk.
-    let moved = |distance_m: f64, speed_m_s: f64, acceleration_m_s2: f64| {
+    let travel_s = |distance_m: f64, speed_m_s: f64, acceleration_m_s2: f64| {
         distance_m / speed_m_s + speed_m_s / acceleration_m_s2 + acceleration_m_s2 / JERK_M_S3
     };
     // PX4 climbs at its take-off speed up to `land_from_m` and gets faster from there to `slow_from_m`.
     let slow_climb_m = hop.height_m.min(pace.land_from_m);
-    let quickening_m = (hop.height_m.min(pace.slow_from_m) - slow_climb_m).max(0.0);
-    let quickening_s = quickening_m * logarithmic_mean(1.0 / TAKEOFF_SPEED_M_S, 1.0 / pace.climb_m_s);
+    let speeding_up_m = (hop.height_m.min(pace.slow_from_m) - slow_climb_m).max(0.0);
+    let speeding_up_s = speeding_up_m * logarithmic_mean(1.0 / TAKEOFF_SPEED_M_S, 1.0 / pace.climb_m_s);
     let climb_s = slow_climb_m / TAKEOFF_SPEED_M_S
-        + quickening_s
-        + moved((hop.height_m - pace.slow_from_m).max(0.0), pace.climb_m_s, up);
+        + speeding_up_s
+        + travel_s((hop.height_m - pace.slow_from_m).max(0.0), pace.climb_m_s, up);
     let fast_m = (hop.height_m - pace.slow_from_m).max(0.0);
     let slowing_from = hop.height_m.min(pace.slow_from_m);
     let slowing_m = (slowing_from - pace.land_from_m).max(0.0);
@@ -194,7 +195,7 @@ fn durations(hop: &Hop, pace: &Pace, tuning: &Tuning, ignition_s: f64) -> [(&'st
         ("ignition and ramp", TAKEOFF_RAMP_S + LIFT_OFF_S + ignition_s),
         ("climb", climb_s),
         ("hover", hop.hold_s),
-        ("descent", moved(fast_m, pace.sink_m_s, down)),
+        ("descent", travel_s(fast_m, pace.sink_m_s, down)),
         ("landing", slowing_s + hop.height_m.min(pace.land_from_m) / pace.land_m_s),
         ("touchdown", TOUCHDOWN_S),
     ]
@@ -207,11 +208,11 @@ fn logarithmic_mean(a_s_m: f64, b_s_m: f64) -> f64 {
     if (u - v).abs() < 1e-9 { a_s_m } else { libm::log(v / u) / (v - u) }
 }
 
-fn at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
+fn budget_at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
     let (engine, grain) = (&vehicle.engine, vehicle.engine.grain());
     let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);
     let throat_m = engine.nozzle().throat_radius_m();
-    let tuning = Tuning::of(&Lander::of(vehicle, &full(vehicle)));
+    let tuning = Tuning::of(&Lander::of(vehicle, &full_contents(vehicle)));
     let ignition_s = vehicle.engine_parameters.ignition.rise_time_constant_s;
     let nitrous_usable_kg = (vehicle.initial_nitrous_kg() - vehicle.tank.unusable_nitrous_kg).max(0.0);
     let burn_through_m = grain.burn_through_radius_m();
@@ -219,7 +220,7 @@ fn at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
     // A hair of web: without any the engine would count as cold.
     let last_web_m = burn_through_m * (1.0 - 1e-9);
 
-    let mut now = full(vehicle);
+    let mut now = full_contents(vehicle);
     let mut at_hover = now;
     let mut legs = Vec::new();
     for (name, duration_s) in durations(hop, &pace, &tuning, ignition_s) {

@@ -1,8 +1,8 @@
-//! The files: two airframe scripts, two parameter files.
+//! The files of an airframe: two start scripts, two parameter files.
 
-use super::budget::Budget;
-use super::parameters::Parameter;
-use super::{Airframe, Target};
+use super::airframe::Airframe;
+use super::budget::{Budget, RESERVE_FRACTION};
+use super::parameters::{Parameter, Target};
 
 /// A file to be written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,12 +15,7 @@ pub struct File {
     pub text: String,
 }
 
-/// Autostart numbers: PX4 keeps 22000 to 22999 for others' own airframes.
-pub const SITL_AUTOSTART: u32 = 22_001;
-/// The same on a board.
-pub const HITL_AUTOSTART: u32 = 22_002;
-
-/// Every file of an airframe.
+/// Every file of an airframe. PX4 keeps the numbers 22000 to 22999 for others' own airframes.
 pub fn files(airframe: &Airframe) -> [File; 4] {
     [
         File {
@@ -46,7 +41,7 @@ pub fn files(airframe: &Airframe) -> [File; 4] {
     ]
 }
 
-fn of(airframe: &Airframe, target: Target) -> &[Parameter] {
+fn parameters(airframe: &Airframe, target: Target) -> &[Parameter] {
     match target {
         Target::Sitl => &airframe.sitl,
         Target::Hitl => &airframe.hitl,
@@ -66,7 +61,7 @@ fn script(airframe: &Airframe, target: Target) -> String {
     text += &heading(airframe);
     text += "\n. ${R}etc/init.d/rc.mc_defaults\n\n";
     let mut last = "";
-    for parameter in of(airframe, target) {
+    for parameter in parameters(airframe, target) {
         if parameter.why != last {
             text += &format!("# {}\n", parameter.why);
         }
@@ -85,7 +80,7 @@ fn parameter_file(airframe: &Airframe, target: Target) -> String {
     text += &heading(airframe);
     text += "#\n# Vehicle-Id Component-Id Name Value Type\n";
     let mut last = "";
-    for parameter in of(airframe, target) {
+    for parameter in parameters(airframe, target) {
         if parameter.why != last {
             text += &format!("# {}\n", parameter.why);
         }
@@ -102,14 +97,14 @@ fn heading(airframe: &Airframe) -> String {
         "# Written by `hopbench px4-params` for {}; names and meanings of PX4 v1.16.1. Not yet flown on PX4 itself.\n",
         airframe.vehicle
     );
-    for line in budget(&airframe.budget).lines() {
+    for line in budget_table(&airframe.budget).lines() {
         text += &format!("# {line}\n");
     }
     text
 }
 
 /// The budget as a table.
-pub fn budget(budget: &Budget) -> String {
+pub fn budget_table(budget: &Budget) -> String {
     let mut text = format!(
         "Hop to {} m, {} s of hover, up {} m/s, down {} m/s, landing {} m/s.\n{:<18} {:>8} {:>8} {:>8}\n",
         budget.height_m,
@@ -138,7 +133,7 @@ pub fn budget(budget: &Budget) -> String {
         "",
         100.0 * budget.nitrous_left_fraction,
         100.0 * budget.fuel_left_fraction,
-        100.0 * super::budget::RESERVE_FRACTION,
+        100.0 * RESERVE_FRACTION,
         budget.longest_hold_s
     )
 }

@@ -1,4 +1,4 @@
-//! The parameters, each with its reason.
+//! The parameters of PX4, each with its reason.
 
 use hopbench::frame::{Vec3, frd_from_structural};
 use hopbench::vehicle::Vehicle;
@@ -6,9 +6,18 @@ use serde::Serialize;
 
 use super::allocation::Outputs;
 use super::budget::{Budget, JERK_M_S3, TAKEOFF_RAMP_S, TAKEOFF_SPEED_M_S};
+use super::lander::Lander;
 use super::tuning::{DIFFERENTIAL_CUTOFF_HZ, Tuning};
-use super::{Lander, Target};
 use crate::wire::profile::{PX4_HITL, PX4_SITL};
+
+/// Which kind of PX4 the parameters are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// In software, in lockstep.
+    Sitl,
+    /// On its own board, in real time.
+    Hitl,
+}
 
 /// A parameter of PX4.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -32,15 +41,15 @@ pub enum Value {
 }
 
 impl Value {
-    /// MAVLink's number for the type, as parameter files carry it.
-    pub fn mavlink_type(self) -> u8 {
+    /// MAVLink's number of its type, as parameter files write it.
+    pub(super) fn mavlink_type(self) -> u8 {
         match self {
             Self::Integer(_) => 6,
             Self::Real(_) => 9,
         }
     }
 
-    /// As files carry it; a real keeps its point.
+    /// The value as parameter files write it; a real keeps its decimal point.
     pub fn text(self) -> String {
         match self {
             Self::Integer(value) => value.to_string(),
@@ -50,7 +59,7 @@ impl Value {
 }
 
 /// What the parameters follow from.
-pub struct Facts<'a> {
+pub(super) struct Inputs<'a> {
     /// The vehicle file.
     pub vehicle: &'a Vehicle,
     /// The vehicle at hover.
@@ -66,17 +75,17 @@ pub struct Facts<'a> {
 }
 
 /// Every parameter, in the order in which a reader wants them.
-pub fn list(facts: &Facts<'_>) -> Vec<Parameter> {
+pub(super) fn list(inputs: &Inputs<'_>) -> Vec<Parameter> {
     let mut list = List(Vec::new());
-    allocation(facts, &mut list);
-    outputs(facts, &mut list);
-    attitude(facts, &mut list);
-    gyro_filter(facts.tuning, &mut list);
-    thrust_and_velocity(facts, &mut list);
-    pace(facts, &mut list);
-    estimator(facts, &mut list);
+    allocation(inputs, &mut list);
+    outputs(inputs, &mut list);
+    attitude(inputs, &mut list);
+    gyro_filter(inputs.tuning, &mut list);
+    thrust_and_velocity(inputs, &mut list);
+    pace(inputs, &mut list);
+    estimator(inputs, &mut list);
     failsafes(&mut list);
-    match facts.target {
+    match inputs.target {
         Target::Sitl => sitl(&mut list),
         Target::Hitl => hitl(&mut list),
     }
@@ -103,8 +112,8 @@ impl List {
 const THRUSTER_PLACE_M: f64 = 0.15;
 const THRUSTER_CT: f64 = 10.0 / 3.0;
 
-fn allocation(facts: &Facts<'_>, list: &mut List) {
-    let outputs = facts.outputs;
+fn allocation(inputs: &Inputs<'_>, list: &mut List) {
+    let outputs = inputs.outputs;
     let rotors = if outputs.two_roll_channels { 3 } else { 1 };
     list.integer("CA_AIRFRAME", 9, "custom: pseudo-inverse, clipped, no normalisation of torques");
     list.integer(
@@ -153,18 +162,18 @@ fn allocation(facts: &Facts<'_>, list: &mut List) {
     list.real("THR_MDL_FAC", 0.0, "throttle is thrust: the plant's engine controller is linear");
 }
 
-fn outputs(facts: &Facts<'_>, list: &mut List) {
-    let name = match facts.target {
+fn outputs(inputs: &Inputs<'_>, list: &mut List) {
+    let name = match inputs.target {
         Target::Sitl => "PWM_MAIN_FUNC",
         Target::Hitl => "HIL_ACT_FUNC",
     };
-    for (index, function, what) in &facts.outputs.functions {
+    for (index, function, what) in &inputs.outputs.functions {
         list.integer(format!("{name}{}", index + 1), *function, format!("controls[{index}]: {what}"));
     }
 }
 
-fn attitude(facts: &Facts<'_>, list: &mut List) {
-    let (lander, tuning) = (facts.lander, facts.tuning);
+fn attitude(inputs: &Inputs<'_>, list: &mut List) {
+    let (lander, tuning) = (inputs.lander, inputs.tuning);
     for (axis, (long, short)) in [("ROLL", "RR"), ("PITCH", "PR"), ("YAW", "YR")].into_iter().enumerate() {
         let (gains, effect) = (&tuning.rate[axis], tuning.unit_effect_rad_s2[axis]);
         let bandwidth = gains.p * effect;
@@ -227,8 +236,8 @@ fn gyro_filter(tuning: &Tuning, list: &mut List) {
     );
 }
 
-fn thrust_and_velocity(facts: &Facts<'_>, list: &mut List) {
-    let (lander, tuning) = (facts.lander, facts.tuning);
+fn thrust_and_velocity(inputs: &Inputs<'_>, list: &mut List) {
+    let (lander, tuning) = (inputs.lander, inputs.tuning);
     let [hover, least, most] = tuning.throttle_hover_min_max;
     let carried =
         format!("{:.1} kg at the start of the hover over {} N", lander.mass_kg, lander.thrust_rated_n);
@@ -250,13 +259,13 @@ fn thrust_and_velocity(facts: &Facts<'_>, list: &mut List) {
     list.real("MPC_TILTMAX_LND", 6.0, "deg; the feet come down together");
 }
 
-fn pace(facts: &Facts<'_>, list: &mut List) {
-    let (pace, [up, down]) = (&facts.budget.pace, facts.tuning.acceleration_up_down_m_s2);
+fn pace(inputs: &Inputs<'_>, list: &mut List) {
+    let (pace, [up, down]) = (&inputs.budget.pace, inputs.tuning.acceleration_up_down_m_s2);
     let burn = format!(
         "the hop burns {:.1} s and leaves {:.0} % of nitrous oxide, {:.0} % of fuel",
-        facts.budget.burn_s,
-        100.0 * facts.budget.nitrous_left_fraction,
-        100.0 * facts.budget.fuel_left_fraction
+        inputs.budget.burn_s,
+        100.0 * inputs.budget.nitrous_left_fraction,
+        100.0 * inputs.budget.fuel_left_fraction
     );
     list.real("MPC_Z_VEL_MAX_UP", pace.climb_m_s, burn.clone());
     list.real("MPC_Z_V_AUTO_UP", pace.climb_m_s, burn.clone());
@@ -275,7 +284,7 @@ fn pace(facts: &Facts<'_>, list: &mut List) {
     list.real("MPC_TKO_RAMP_T", TAKEOFF_RAMP_S, "s; PX4's 3 would burn 2 s more on the pad");
     list.real("MPC_TKO_SPEED", TAKEOFF_SPEED_M_S, "m/s; as flown");
     list.real("COM_SPOOLUP_TIME", 1.0, "s at throttle 0 after arming: the isolation valve opens");
-    list.real("MIS_TAKEOFF_ALT", facts.budget.height_m, "m; the hop");
+    list.real("MIS_TAKEOFF_ALT", inputs.budget.height_m, "m; the hop");
     list.real("MPC_XY_VEL_MAX", 3.0, "m/s; as flown");
     list.real("MPC_XY_CRUISE", 2.0, "m/s; as flown");
     list.real("MPC_VEL_MANUAL", 2.0, "m/s; above MPC_XY_VEL_MAX it would be a critical message at boot");
@@ -287,19 +296,19 @@ fn pace(facts: &Facts<'_>, list: &mut List) {
     list.integer("MPC_YAW_MODE", 5, "heading fixed: turned toward a waypoint, a slow axis spirals");
     list.real(
         "MPC_YAWRAUTO_MAX",
-        facts.tuning.rate_max_deg_s[2].min(20.0),
+        inputs.tuning.rate_max_deg_s[2].min(20.0),
         "deg/s; as flown, or what the thrusters brake",
     );
 }
 
-fn estimator(facts: &Facts<'_>, list: &mut List) {
-    let (profile, what) = match facts.target {
+fn estimator(inputs: &Inputs<'_>, list: &mut List) {
+    let (profile, what) = match inputs.target {
         Target::Sitl => (&PX4_SITL, "ms; as the bench delays it in lockstep"),
         Target::Hitl => (&PX4_HITL, "ms; as the bench delays it in real time"),
     };
     list.real("EKF2_GPS_DELAY", 1e3 * profile.gnss_delay_s.unwrap_or_default(), what);
-    let sensors = &facts.vehicle.sensors;
-    let com = Vec3::new(facts.lander.offset_m[0], facts.lander.offset_m[1], -facts.lander.lever_m);
+    let sensors = &inputs.vehicle.sensors;
+    let com = Vec3::new(inputs.lander.offset_m[0], inputs.lander.offset_m[1], -inputs.lander.lever_m);
     for (name, position_m, what) in [
         ("EKF2_IMU_POS", sensors.imu.position_m, "inertial unit"),
         ("EKF2_GPS_POS", sensors.gnss.antenna_position_m, "antenna"),

@@ -6,18 +6,19 @@
 //! too slow for 7 rad/s get less, and every lateral loop slows down with it.
 //!
 //! That plant's gimbal moved no mass. An engine that swings pushes the body the other way while it is turned: the
-//! moment on the vehicle is T l δ + (J + S l) δ'', with its inertia J about the pivot and its first moment S below it,
-//! so from sqrt(T l / (J + S l)) on, 12 rad/s for the reference vehicle, a gimbal works backward and ever stronger. A
-//! loop with a differential part then oscillates at 20 Hz. [`Tuning::of`] looks at the loop with this term, takes the
-//! gyro filter's cutoff down and the differential part out until it has a gain margin of 2, and only then bandwidth. Vertical gains are accelerations, which
-//! PX4 turns into thrust by the hover throttle: they hold for any mass. They flew with thrust lags of 0.15 and 0.35 s.
+//! moment on the vehicle is T l δ + (J + S l) δ'', with its inertia J about the pivot and its first moment S below
+//! it, so from sqrt(T l / (J + S l)) on, 12 rad/s for the reference vehicle, a gimbal works backward and ever
+//! stronger. A loop with a differential part then oscillates at 20 Hz. [`Tuning::of`] looks at the loop with this
+//! term, takes the gyro filter's cutoff down and the differential part out until it has a gain margin of 2, and
+//! only then bandwidth. Vertical gains are accelerations, which PX4 turns into thrust by the hover throttle: they
+//! hold for any mass. They flew with thrust lags of 0.15 and 0.35 s.
 
 use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 use serde::Serialize;
 
-use super::Lander;
+use super::lander::Lander;
 
 /// Gains and limits, in PX4's units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -97,7 +98,7 @@ const ACCELERATION_UP_DOWN_M_S2: [f64; 2] = [2.0, 1.5];
 const ACCELERATION_SHARE: f64 = 0.6;
 
 impl Tuning {
-    /// For a vehicle at hover.
+    /// Gains and limits for a vehicle at hover.
     pub fn of(lander: &Lander) -> Self {
         let effect = lander.unit_effect_rad_s2();
         let loop_shape = RateLoop::of(lander);
@@ -180,28 +181,28 @@ impl RateLoop {
         let candidates = differentials.into_iter().flat_map(|differential_s| {
             GYRO_CUTOFFS_HZ.map(|gyro_cutoff_hz| Self { differential_s, gyro_cutoff_hz, ..base })
         });
-        if let Some(enough) = candidates.clone().find(Self::holds) {
+        if let Some(enough) = candidates.clone().find(Self::has_margins) {
             return enough;
         }
         // Otherwise the shape that keeps the most bandwidth.
         candidates
-            .map(Self::slowed)
+            .map(Self::with_less_bandwidth)
             .max_by(|a, b| a.bandwidth_rad_s.total_cmp(&b.bandwidth_rad_s))
             .unwrap_or(base)
     }
 
-    /// The same with as much bandwidth as the margins allow.
-    fn slowed(self) -> Self {
+    /// The same loop with as much bandwidth as the margins allow.
+    fn with_less_bandwidth(self) -> Self {
         let (mut low, mut high) = (0.0, self.bandwidth_rad_s);
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
-            let holds = Self { bandwidth_rad_s: middle, ..self }.holds();
+            let holds = Self { bandwidth_rad_s: middle, ..self }.has_margins();
             (low, high) = if holds { (middle, high) } else { (low, middle) };
         }
         Self { bandwidth_rad_s: low, ..self }
     }
 
-    fn holds(&self) -> bool {
+    fn has_margins(&self) -> bool {
         let w = self.bandwidth_rad_s;
         w > 0.0 && self.gain_margin() >= GAIN_MARGIN && self.lag_s() * w <= PHASE_COST_RAD
     }

@@ -1,4 +1,4 @@
-//! The folder of a campaign: its table, what the table belongs to, and what comes of it.
+//! The folder of a campaign: its table of flights, and what the table belongs to.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,8 +7,9 @@ use anyhow::{Context, Result};
 use hopbench::hash::Fnv;
 use serde::{Deserialize, Serialize};
 
+use super::definition::Campaign;
+use super::slot::Slot;
 use super::table::{self, Row, Table};
-use super::{Campaign, Slot};
 use crate::load::unusable;
 
 const MANIFEST: &str = "campaign.json";
@@ -24,40 +25,6 @@ struct Manifest {
     build_hash: String,
     /// Its version.
     version: String,
-}
-
-/// Share `index` of `count`, counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
-    /// Which, from 1.
-    pub index: u32,
-    /// Of how many.
-    pub count: u32,
-}
-
-impl std::str::FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        match parts {
-            Some((index, count)) if (1..=count).contains(&index) => Ok(Self { index, count }),
-            _ => Err("expected I/N with I from 1 to N, as in 2/4".to_owned()),
-        }
-    }
-}
-
-impl std::fmt::Display for Shard {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}/{}", self.index, self.count)
-    }
-}
-
-impl Shard {
-    /// Whether it has a run; runs go round, so that all shards take as long.
-    pub fn has(self, run: u32) -> bool {
-        run % self.count == self.index - 1
-    }
 }
 
 impl Manifest {
@@ -120,7 +87,7 @@ impl CampaignFolder {
             }
             None => {
                 let text = serde_json::to_string_pretty(&manifest)? + "\n";
-                leave(path, MANIFEST, &text)?;
+                write_file(path, MANIFEST, &text)?;
             }
         }
         let columns = campaign.columns();
@@ -149,7 +116,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// When the disk does not take it.
-    pub fn settle(&mut self) -> Result<()> {
+    pub fn sort(&mut self) -> Result<()> {
         if !self.sorted {
             table::write(&self.path, &self.columns, &self.rows.values().collect::<Vec<_>>())?;
             self.sorted = true;
@@ -157,20 +124,20 @@ impl CampaignFolder {
         Ok(())
     }
 
-    /// The flights of these slots.
+    /// Rows of these slots, as far as they have flown.
     pub fn rows(&self, slots: &[Slot]) -> Vec<&Row> {
         slots.iter().filter_map(|slot| self.rows.get(slot)).collect()
     }
 
-    /// Leaves a file; it is complete or as it was.
+    /// Writes a file; it is complete or as it was.
     ///
     /// # Errors
     /// When the disk does not take it.
-    pub fn leave(&self, name: &str, text: &str) -> Result<()> {
-        leave(&self.path, name, text)
+    pub fn write_file(&self, name: &str, text: &str) -> Result<()> {
+        write_file(&self.path, name, text)
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -180,7 +147,7 @@ impl CampaignFolder {
 ///
 /// # Errors
 /// When a folder is of another campaign, two disagree, or flights are missing.
-pub fn merged(campaign: &Campaign, folders: &[PathBuf]) -> Result<Vec<(Slot, Row)>> {
+pub fn merge(campaign: &Campaign, folders: &[PathBuf]) -> Result<Vec<(Slot, Row)>> {
     let hash = campaign.hash();
     let mut rows: BTreeMap<Slot, Row> = BTreeMap::new();
     for folder in folders {
@@ -233,7 +200,7 @@ fn by_slot(campaign: &Campaign, found: Vec<Row>) -> (BTreeMap<Slot, Row>, bool) 
     (rows, sorted)
 }
 
-fn leave(folder: &Path, name: &str, text: &str) -> Result<()> {
+fn write_file(folder: &Path, name: &str, text: &str) -> Result<()> {
     let (path, half) = (folder.join(name), folder.join(format!("{name}.part")));
     std::fs::write(&half, text)
         .and_then(|()| std::fs::rename(&half, &path))

@@ -8,12 +8,12 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::statistics::quantile;
 use super::table::Row;
 use crate::evidence::drawing::{
-    AT_LIMIT, Area, Drawn, FAINT, INK, LINE, SCALE, house_style, letters, px, svg,
+    AT_LIMIT, Area, DrawResult, LINE, MUTED, SCALE, TEXT, chart_style, px, svg, text_style,
 };
 
 const SIZE: (i32, i32) = (1200, 860);
 const SIZE_OF_POSITIONS: (i32, i32) = (1200, 680);
-const HEAD: i32 = 80;
+const TITLE_HEIGHT: i32 = 80;
 /// Bars of a histogram from zero to the limit.
 const BARS_TO_LIMIT: f64 = 25.0;
 /// A picture ends at so many limits; what lies beyond is in its last bar.
@@ -55,13 +55,13 @@ fn head<'a>(
     title: &str,
     note: &str,
 ) -> std::result::Result<Area<'a>, Box<dyn std::error::Error>> {
-    let (head, rest) = root.split_vertically(px(HEAD));
-    head.draw(&Text::new(title.to_owned(), (px(24), px(18)), letters(26, &INK)))?;
-    head.draw(&Text::new(note.to_owned(), (px(24), px(52)), letters(15, &FAINT)))?;
+    let (head, rest) = root.split_vertically(px(TITLE_HEIGHT));
+    head.draw(&Text::new(title.to_owned(), (px(24), px(18)), text_style(26, &TEXT)))?;
+    head.draw(&Text::new(note.to_owned(), (px(24), px(52)), text_style(15, &MUTED)))?;
     Ok(rest)
 }
 
-fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> Drawn {
+fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> DrawResult {
     values.sort_by(f64::total_cmp);
     // A limit of zero has no scale of its own.
     let scale = if limit > 0.0 { limit } else { values.last().copied().unwrap_or(1.0).max(1e-3) };
@@ -83,7 +83,7 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         .set_label_area_size(LabelAreaPosition::Bottom, px(48))
         .build_cartesian_2d(0.0..end, 0.0..top)?;
     let mut mesh = chart.configure_mesh();
-    house_style(&mut mesh);
+    chart_style(&mut mesh);
     mesh.x_labels(7)
         // Flights are counted: with no more labels than whole numbers they fall on those.
         .y_labels((most as usize + 1).min(6))
@@ -100,7 +100,7 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
     }))?;
     let stroke = AT_LIMIT.stroke_width(2 * SCALE as u32);
     chart.draw_series(LineSeries::new([(limit, 0.0), (limit, top)], stroke))?;
-    let label = letters(14, &AT_LIMIT).pos(Pos::new(HPos::Right, VPos::Top));
+    let label = text_style(14, &AT_LIMIT).pos(Pos::new(HPos::Right, VPos::Top));
     chart.draw_series([
         EmptyElement::at((limit, top)) + Text::new(format!("limit {limit}"), (px(-8), px(6)), label)
     ])?;
@@ -111,7 +111,7 @@ fn histogram(area: &Area<'_>, words: &str, mut values: Vec<f64>, limit: f64) -> 
         chart.draw_series(LineSeries::new([(x, 0.0), (x, height * top)], stroke))?;
         // Inside the panel.
         let (side, dx) = if x > 0.75 * end { (HPos::Right, px(-6)) } else { (HPos::Left, px(6)) };
-        let label = letters(14, &LINE).pos(Pos::new(side, VPos::Top));
+        let label = text_style(14, &LINE).pos(Pos::new(side, VPos::Top));
         chart.draw_series([
             EmptyElement::at((x, height * top)) + Text::new(format!("{name} {x:.3}"), (dx, px(2)), label)
         ])?;
@@ -143,20 +143,20 @@ pub fn position(title: &str, rows: &[&Row]) -> Result<String> {
     })
 }
 
-fn scatter(area: &Area<'_>, words: &str, points: &[(f64, f64, bool)]) -> Drawn {
+fn scatter(area: &Area<'_>, words: &str, points: &[(f64, f64, bool)]) -> DrawResult {
     let reach = points.iter().map(|(x, y, _)| x.abs().max(y.abs())).fold(1.1, f64::max) * 1.08;
     // A flight that went astray would make dots of all others.
     let reach = reach.min(20.0);
     let mut chart = ChartBuilder::on(area)
         .margin(px(8))
         .margin_right(px(22))
-        .caption(words, letters(17, &INK))
+        .caption(words, text_style(17, &TEXT))
         .set_label_area_size(LabelAreaPosition::Left, px(64))
         .set_label_area_size(LabelAreaPosition::Bottom, px(48))
         .build_cartesian_2d(-reach..reach, -reach..reach)?;
     let label = |x: &f64| format!("{x:.1}");
     let mut mesh = chart.configure_mesh();
-    house_style(&mut mesh);
+    chart_style(&mut mesh);
     mesh.x_labels(7)
         .y_labels(7)
         .x_label_formatter(&label)
@@ -168,8 +168,8 @@ fn scatter(area: &Area<'_>, words: &str, points: &[(f64, f64, bool)]) -> Drawn {
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / 180.0);
         (cos, sin)
     });
-    chart.draw_series(LineSeries::new(ring, FAINT.stroke_width(SCALE as u32)))?;
-    chart.draw_series([Cross::new((0.0, 0.0), px(7), INK.stroke_width(2 * SCALE as u32))])?;
+    chart.draw_series(LineSeries::new(ring, MUTED.stroke_width(SCALE as u32)))?;
+    chart.draw_series([Cross::new((0.0, 0.0), px(7), TEXT.stroke_width(2 * SCALE as u32))])?;
     for (good, color) in [(true, LINE), (false, AT_LIMIT)] {
         let of_kind =
             points.iter().filter(|(x, y, success)| *success == good && x.abs() <= reach && y.abs() <= reach);

@@ -1,4 +1,4 @@
-//! What counts of flights can claim, and no more.
+//! Bounds and tests on counts of flights: what they prove, and no more.
 //!
 //! Bounds of a rate: Clopper and Pearson, Biometrika 26 (1934) 404, exact, from the quantiles of the beta
 //! distribution; never narrower than they say. Two configurations flown on the same seeds: McNemar's test in its
@@ -9,7 +9,7 @@ use serde::Serialize;
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
 
 /// Confidence of every bound.
-pub const CONFIDENCE: f64 = 0.95;
+const CONFIDENCE: f64 = 0.95;
 
 /// Bounds of the rate of success behind a count.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -21,7 +21,7 @@ pub struct RateBounds {
 }
 
 impl RateBounds {
-    /// Of so many successes in so many flights; without flights nothing is claimed.
+    /// Bounds for so many successes in so many flights; without flights from 0 to 1.
     pub fn new(successes: u32, flights: u32) -> Self {
         let tail = 1.0 - CONFIDENCE;
         Self {
@@ -54,7 +54,7 @@ fn bisect(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Probability that pairs disagree as unevenly as this, or more so, if neither side is better: two-sided.
-pub fn mcnemar_p(only_first: u32, only_second: u32) -> f64 {
+pub(super) fn mcnemar_p(only_first: u32, only_second: u32) -> f64 {
     let pairs = u64::from(only_first) + u64::from(only_second);
     if pairs == 0 {
         return 1.0;
@@ -63,7 +63,7 @@ pub fn mcnemar_p(only_first: u32, only_second: u32) -> f64 {
     Binomial::new(0.5, pairs).map_or(1.0, |law| (2.0 * law.cdf(fewer)).min(1.0))
 }
 
-/// A median and where it lies.
+/// Median of a sample, and where the median of what it was drawn from lies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Median {
     /// Of the sample.
@@ -75,7 +75,7 @@ pub struct Median {
 }
 
 impl Median {
-    /// Of a sample, in any order.
+    /// Median of values in any order; `None` without values.
     pub fn new(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let value = quantile(&values, 0.5)?;
@@ -89,8 +89,8 @@ impl Median {
     }
 }
 
-/// Quantile of sorted values, interpolated between the two neighbours; `None` of nothing.
-pub fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+/// Quantile of sorted values, interpolated between the two neighbours; `None` without values.
+pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     let at = share.clamp(0.0, 1.0) * last as f64;
     let below = at.floor() as usize;

@@ -6,10 +6,10 @@ use std::fmt::Write;
 use hopbench::scenario::Success;
 use serde::Serialize;
 
-use super::folder::Shard;
+use super::definition::Campaign;
+use super::slot::Shard;
 use super::statistics::{Median, RateBounds, mcnemar_p, quantile};
 use super::table::Row;
-use super::{Campaign, Slot};
 
 /// A campaign, as reported. Keys are a contract.
 #[derive(Clone, Debug, Serialize)]
@@ -45,7 +45,7 @@ pub struct Summary {
     pub overrides: Vec<String>,
 }
 
-/// One configuration.
+/// One configuration, as reported.
 #[derive(Clone, Debug, Serialize)]
 pub struct VariantSummary {
     /// Its name.
@@ -59,16 +59,16 @@ pub struct VariantSummary {
     /// Clopper and Pearson's bounds of it.
     pub clopper_pearson: RateBounds,
     /// What went wrong, most often first.
-    pub failures: Vec<Failures>,
+    pub failures: Vec<FailureGroup>,
     /// Spread of what was measured, over the flights that had it.
     pub figures: BTreeMap<&'static str, Spread>,
     /// The flights that came closest to a limit, or went over it.
-    pub worst: Vec<Worst>,
+    pub worst: Vec<WorstFlight>,
 }
 
 /// Failures of one cause.
 #[derive(Clone, Debug, Serialize)]
-pub struct Failures {
+pub struct FailureGroup {
     /// The first criterion that failed, or how the flight ended and what came before.
     pub cause: String,
     /// How many.
@@ -102,7 +102,7 @@ pub struct Spread {
 
 /// A flight at or over a limit.
 #[derive(Clone, Debug, Serialize)]
-pub struct Worst {
+pub struct WorstFlight {
     /// Its seed.
     pub seed: u32,
     /// How it ended.
@@ -138,46 +138,46 @@ pub struct Comparison {
     pub median_difference: BTreeMap<&'static str, Median>,
 }
 
-/// What the text shows of a figure.
-struct Shown {
-    figure: &'static str,
+/// A figure that the summary shows: its column in the table, its name in words, its limit.
+struct Figure {
+    name: &'static str,
     words: &'static str,
     limit: fn(&Success) -> Option<f64>,
 }
 
 const NO_LIMIT: fn(&Success) -> Option<f64> = |_| None;
 
-const SHOWN: [Shown; 13] = [
-    Shown {
-        figure: "touchdown_vertical_speed_m_s",
+const FIGURES: [Figure; 13] = [
+    Figure {
+        name: "touchdown_vertical_speed_m_s",
         words: "vertical speed (m/s)",
         limit: |s| Some(s.touchdown_vertical_speed_max_m_s),
     },
-    Shown {
-        figure: "touchdown_lateral_speed_m_s",
+    Figure {
+        name: "touchdown_lateral_speed_m_s",
         words: "lateral speed (m/s)",
         limit: |s| Some(s.touchdown_lateral_speed_max_m_s),
     },
-    Shown { figure: "touchdown_tilt_deg", words: "tilt (deg)", limit: |s| Some(s.touchdown_tilt_max_deg) },
-    Shown { figure: "control_error_m", words: "control error (m)", limit: |s| Some(s.control_error_max_m) },
-    Shown { figure: "position_error_m", words: "position error (m)", limit: |s| s.position_error_max_m },
-    Shown { figure: "navigation_error_m", words: "navigation error (m)", limit: NO_LIMIT },
-    Shown { figure: "altitude_control_rms_m", words: "hover height, estimate (m RMS)", limit: NO_LIMIT },
-    Shown { figure: "lateral_control_rms_m", words: "hover sideways, estimate (m RMS)", limit: NO_LIMIT },
-    Shown { figure: "altitude_rms_m", words: "hover height, true (m RMS)", limit: NO_LIMIT },
-    Shown { figure: "lateral_rms_m", words: "hover sideways, true (m RMS)", limit: NO_LIMIT },
-    Shown { figure: "peak_tilt_deg", words: "greatest tilt in flight (deg)", limit: NO_LIMIT },
-    Shown { figure: "nitrous_left_kg", words: "nitrous oxide left (kg)", limit: NO_LIMIT },
-    Shown { figure: "fuel_left_kg", words: "fuel left (kg)", limit: NO_LIMIT },
+    Figure { name: "touchdown_tilt_deg", words: "tilt (deg)", limit: |s| Some(s.touchdown_tilt_max_deg) },
+    Figure { name: "control_error_m", words: "control error (m)", limit: |s| Some(s.control_error_max_m) },
+    Figure { name: "position_error_m", words: "position error (m)", limit: |s| s.position_error_max_m },
+    Figure { name: "navigation_error_m", words: "navigation error (m)", limit: NO_LIMIT },
+    Figure { name: "altitude_control_rms_m", words: "hover height, estimate (m RMS)", limit: NO_LIMIT },
+    Figure { name: "lateral_control_rms_m", words: "hover sideways, estimate (m RMS)", limit: NO_LIMIT },
+    Figure { name: "altitude_rms_m", words: "hover height, true (m RMS)", limit: NO_LIMIT },
+    Figure { name: "lateral_rms_m", words: "hover sideways, true (m RMS)", limit: NO_LIMIT },
+    Figure { name: "peak_tilt_deg", words: "greatest tilt in flight (deg)", limit: NO_LIMIT },
+    Figure { name: "nitrous_left_kg", words: "nitrous oxide left (kg)", limit: NO_LIMIT },
+    Figure { name: "fuel_left_kg", words: "fuel left (kg)", limit: NO_LIMIT },
 ];
 
 /// Worst flights that are listed.
-const WORST: usize = 5;
+const MOST_FLIGHTS: usize = 5;
 /// Seeds that the text lists of a cause.
-const SEEDS_SHOWN: usize = 12;
+const MOST_SEEDS: usize = 12;
 
 impl Summary {
-    /// Of the rows of a campaign or a shard of it, in order.
+    /// Summary of the rows of a campaign or a shard of it, in order.
     pub fn new(campaign: &Campaign, rows: &[&Row], shard: Option<Shard>, overrides: &[String]) -> Self {
         let success = campaign.file.success;
         let variants: Vec<VariantSummary> = campaign
@@ -213,7 +213,7 @@ impl Summary {
         }
     }
 
-    /// For people.
+    /// The summary as the terminal shows it.
     pub fn text(&self) -> String {
         let mut text = String::new();
         let last = self.seed.wrapping_add(self.runs.saturating_sub(1));
@@ -267,17 +267,19 @@ impl VariantSummary {
     fn new(campaign: &Campaign, name: &str, rows: &[&Row], overrides: &[String]) -> Self {
         let flights = rows.len() as u32;
         let successes = rows.iter().filter(|row| row.success).count() as u32;
-        let figures =
-            SHOWN.iter().filter_map(|shown| Some((shown.figure, Spread::new(rows, shown.figure)?))).collect();
+        let figures = FIGURES
+            .iter()
+            .filter_map(|figure| Some((figure.name, Spread::new(rows, figure.name)?)))
+            .collect();
         Self {
             name: name.to_owned(),
             flights,
             successes,
             success_rate: (flights > 0).then(|| f64::from(successes) / f64::from(flights)),
             clopper_pearson: RateBounds::new(successes, flights),
-            failures: Failures::of(campaign, name, rows, overrides),
+            failures: FailureGroup::of(campaign, name, rows, overrides),
             figures,
-            worst: Worst::of(rows, &campaign.file.success),
+            worst: WorstFlight::of(rows, &campaign.file.success),
         }
     }
 
@@ -295,9 +297,8 @@ impl VariantSummary {
             at_least(self.clopper_pearson.one_sided_95_lower)
         );
         for failures in &self.failures {
-            let mut seeds: Vec<String> =
-                failures.seeds.iter().take(SEEDS_SHOWN).map(u32::to_string).collect();
-            if failures.count > SEEDS_SHOWN {
+            let mut seeds: Vec<String> = failures.seeds.iter().take(MOST_SEEDS).map(u32::to_string).collect();
+            if failures.count > MOST_SEEDS {
                 seeds.push("…".to_owned());
             }
             let _ = writeln!(
@@ -314,13 +315,13 @@ impl VariantSummary {
             "{:<34}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}",
             "", "least", "median", "95 %", "99 %", "greatest", "limit"
         );
-        for shown in &SHOWN {
-            let Some(spread) = self.figures.get(shown.figure) else { continue };
-            let limit = (shown.limit)(success).map_or(String::new(), trim);
+        for figure in &FIGURES {
+            let Some(spread) = self.figures.get(figure.name) else { continue };
+            let limit = (figure.limit)(success).map_or(String::new(), trim);
             let _ = writeln!(
                 text,
                 "{:<34}{:>9.3}{:>9.3}{:>9.3}{:>9.3}{:>9.3}{limit:>9}",
-                shown.words, spread.min, spread.p50, spread.p95, spread.p99, spread.max
+                figure.words, spread.min, spread.p50, spread.p95, spread.p99, spread.max
             );
         }
         for worst in &self.worst {
@@ -348,7 +349,7 @@ fn trim(x: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-impl Failures {
+impl FailureGroup {
     fn of(campaign: &Campaign, variant: &str, rows: &[&Row], overrides: &[String]) -> Vec<Self> {
         let mut by_cause: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
         for row in rows.iter().filter(|row| !row.success) {
@@ -398,20 +399,20 @@ impl Spread {
     }
 }
 
-impl Worst {
+impl WorstFlight {
     fn of(rows: &[&Row], success: &Success) -> Vec<Self> {
         let mut all: Vec<(f64, Self)> = rows.iter().map(|row| Self::of_flight(row, success)).collect();
         all.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-        all.into_iter().take(WORST).map(|(_, worst)| worst).collect()
+        all.into_iter().take(MOST_FLIGHTS).map(|(_, worst)| worst).collect()
     }
 
     /// The figure closest to its limit, and its share of it; without touchdown there is no worse.
     fn of_flight(row: &Row, success: &Success) -> (f64, Self) {
-        let of = |shown: &Shown| {
-            let (value, limit) = (row.figure(shown.figure)?, (shown.limit)(success)?);
-            Some((value / limit, shown.figure, value, limit))
+        let of = |figure: &Figure| {
+            let (value, limit) = (row.figure(figure.name)?, (figure.limit)(success)?);
+            Some((value / limit, figure.name, value, limit))
         };
-        let closest = SHOWN.iter().filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0));
+        let closest = FIGURES.iter().filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0));
         let share = if row.outcome == "landed" { closest.map_or(0.0, |c| c.0) } else { f64::INFINITY };
         let worst = Self {
             seed: row.seed,
@@ -440,7 +441,7 @@ impl Comparison {
                 pairs.iter().filter_map(|(a, b)| Some(b.figure(figure)? - a.figure(figure)?)).collect();
             Some((figure, Median::new(differences)?))
         };
-        let figures = SHOWN.iter().map(|shown| shown.figure);
+        let figures = FIGURES.iter().map(|figure| figure.name);
         Self {
             first: first.to_owned(),
             second: second.to_owned(),
@@ -467,21 +468,16 @@ impl Comparison {
             self.neither,
             self.mcnemar_p
         );
-        for shown in &SHOWN {
-            let Some(median) = self.median_difference.get(shown.figure) else { continue };
+        for figure in &FIGURES {
+            let Some(median) = self.median_difference.get(figure.name) else { continue };
             let interval = median
                 .interval_95
                 .map_or(String::new(), |[low, high]| format!("   95 %: {low:+.4} to {high:+.4}"));
             let _ = writeln!(
                 text,
                 "{:<34}{:>+10.4} median of {} pairs{interval}",
-                shown.words, median.value, median.count
+                figure.words, median.value, median.count
             );
         }
     }
-}
-
-/// Slots of a shard, or all.
-pub fn share(slots: Vec<Slot>, shard: Option<Shard>) -> Vec<Slot> {
-    slots.into_iter().filter(|slot| shard.is_none_or(|shard| shard.has(slot.run))).collect()
 }

@@ -31,7 +31,7 @@ pub struct Row {
     pub success: bool,
     /// The first criterion that failed, or how the flight ended and what came before; empty after a success.
     pub cause: String,
-    /// What was measured, in the order of [`FIGURES`].
+    /// What was measured; [`Row::figure`] finds one by its column.
     pub figures: Vec<Option<f64>>,
     /// Hash over the states of the flight.
     pub state_hash: String,
@@ -40,7 +40,7 @@ pub struct Row {
 type Figure = fn(&Report, &Flight) -> Option<f64>;
 
 /// What is measured of every flight: column and where it comes from.
-pub const FIGURES: [(&str, Figure); 28] = [
+const FIGURES: [(&str, Figure); 28] = [
     ("touchdown_time_s", |r, _| r.touchdown.map(|t| t.time_s)),
     ("touchdown_vertical_speed_m_s", |r, _| r.touchdown.map(|t| t.vertical_speed_m_s)),
     ("touchdown_lateral_speed_m_s", |r, _| r.touchdown.map(|t| t.lateral_speed_m_s)),
@@ -76,7 +76,7 @@ fn count(report: &Report, is: fn(&EventKind) -> bool) -> f64 {
 }
 
 impl Row {
-    /// Of a flight that has been flown and judged.
+    /// Row of a flight that has been flown and judged.
     pub fn new(run: u32, variant: &str, draws: Vec<f64>, flight: &Flight, report: &Report) -> Self {
         Self {
             run,
@@ -233,7 +233,7 @@ pub fn write(folder: &Path, columns: &[String], rows: &[&Row]) -> Result<()> {
 }
 
 /// Whether a name is that of a column of every table.
-pub fn reserved(name: &str) -> bool {
+pub(super) fn reserved(name: &str) -> bool {
     header(&[]).iter().any(|column| column == name)
 }
 
