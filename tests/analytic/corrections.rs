@@ -6,12 +6,10 @@
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod bare_engine;
-mod motion;
-
+use crate::fixture::motion;
 use core::f64::consts::PI;
 
-use bare_engine::{AMBIENT_PA, at_flow, condition, engine, engine_of, vehicle};
+use crate::fixture::bare_engine::{AMBIENT_PA, at_flow, condition, engine, engine_of, vehicle};
 use hopbench::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
 use hopbench::dynamics::slosh::SloshModel;
 use hopbench::fluid::Nitrous;
@@ -21,7 +19,7 @@ use hopbench::propulsion::{CombustionMap, FeedMap, PairLevels, WarmStart};
 const G0: f64 = 9.80665;
 
 fn map() -> CombustionMap {
-    CombustionMap::read(include_str!("../scenarios/vehicles/cea_reference_fit.csv"), 20e5).unwrap()
+    CombustionMap::read(include_str!("../../scenarios/vehicles/cea_reference_fit.csv"), 20e5).unwrap()
 }
 
 fn near(got: f64, expected: f64, tolerance: f64, what: &str) {

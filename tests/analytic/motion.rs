@@ -1,14 +1,12 @@
 //! Closed forms of motion and mass properties.
 
-mod motion;
-
+use crate::fixture::motion::{FULL, State, balance, full_mode, mode_of, reference_vehicle};
 use hopbench::dynamics::mass::*;
 use hopbench::dynamics::rigid_body::*;
 use hopbench::dynamics::slosh::{Coupling, HardeningLaw, Mode, SloshModel, SloshState};
 use hopbench::dynamics::{Load, aerodynamics::Aerodynamics, landing_gear::HoldDown};
 use hopbench::frame::{Mat3, Vec3, structural_from_frd};
 use hopbench::integrator::{Integrable, rk4_step};
-use motion::{FULL, State, balance, full_mode, mode_of, reference_vehicle};
 use nalgebra::Vector2;
 
 const G_M_S2: f64 = 9.80665;

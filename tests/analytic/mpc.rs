@@ -2,9 +2,7 @@
 
 #![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 
-#[path = "mpc/mod.rs"]
-mod gusts;
-
+use crate::fixture::gusts;
 use hopbench::autopilot::mpc::{
     INPUTS, Linear, Problem, STATES, Settings, Solution, StageCost, Status, Tilt, Workspace, dare,
     interior_point,

@@ -5,9 +5,8 @@
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
-mod autopilot_plant;
-
-use autopilot_plant::{Conditions, Plant, Touchdown, parameters};
+use crate::fixture::autopilot_plant;
+use crate::fixture::autopilot_plant::{Conditions, Plant, Touchdown, parameters};
 use hopbench::autopilot::{Autopilot, Mission, Phase};
 use hopbench::frame::Vec3;
 use hopbench::signal::{ActuatorCommand, Throttle};

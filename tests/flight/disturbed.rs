@@ -1,8 +1,6 @@
 //! Disturbed flights: what a disturbance does to the plant, in closed form, and that the autopilot lands through it.
 
-mod files;
-
-use files::scenario;
+use crate::fixture::files::scenario;
 use hopbench::disturbance::Disturbance;
 use hopbench::frame::Vec3;
 use hopbench::plant::Plant;

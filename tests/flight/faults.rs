@@ -5,11 +5,8 @@
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
-mod faulty;
-mod files;
-
-use faulty::{Flown, fly, parameters, sound_actuators, sound_sensors, twisted};
-use files::scenario;
+use crate::fixture::faulty::{Flown, fly, parameters, sound_actuators, sound_sensors, twisted};
+use crate::fixture::files::scenario;
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement, Throttle};
 

@@ -3,10 +3,9 @@
 
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // figures for the record
 
-mod bare_engine;
-mod files;
-
-use files::scenario;
+use crate::fixture::bare_engine;
+use crate::fixture::files;
+use crate::fixture::files::scenario;
 use hopbench::plant::{Plant, Snapshot};
 use hopbench::propulsion::{EngineCondition, FeedMap, WarmStart};
 use hopbench::scenario::Outcome;

@@ -2,9 +2,7 @@
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
-mod autopilot_plant;
-
-use autopilot_plant::{Conditions, IMU_BODY_M, Plant, parameters};
+use crate::fixture::autopilot_plant::{Conditions, IMU_BODY_M, Plant, parameters};
 use hopbench::autopilot::navigation::{InnovationTally, Source};
 use hopbench::autopilot::{Autopilot, Mission, Parameters};
 use hopbench::signal::ActuatorCommand;

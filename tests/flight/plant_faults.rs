@@ -6,9 +6,7 @@
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
-mod files;
-
-use files::scenario;
+use crate::fixture::files::scenario;
 use hopbench::fault::{Component, Fault, Mode};
 use hopbench::plant::Snapshot;
 use hopbench::propulsion::STANDARD_GRAVITY_M_S2;

@@ -1,9 +1,8 @@
 //! Whole flights: the project's scenarios pass, end as they should when something runs out, and repeat to
 //! the bit.
 
-mod files;
-
-use files::scenario;
+use crate::fixture::files;
+use crate::fixture::files::scenario;
 use hopbench::plant::Snapshot;
 use hopbench::scenario::Outcome;
 use hopbench::signal::{ActuatorCommand, Discrete, Throttle};

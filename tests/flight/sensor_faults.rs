@@ -1,9 +1,7 @@
 //! Faults of sensors, their triggers and their injection: two vehicles stand on the pad under one seed, one sound, one
 //! with a fault, and the difference of what they measure is the fault; then flights, in which the autopilot meets it.
 
-mod files;
-
-use files::{scenario, try_scenario};
+use crate::fixture::files::{scenario, try_scenario};
 use hopbench::fault::{Component, Fault, Mode, catalogue, row};
 use hopbench::scenario::{Outcome, Scenario};
 use hopbench::signal::{ActuatorCommand, Measurement};

@@ -2,10 +2,8 @@
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
-mod autopilot_plant;
-mod files;
-
-use autopilot_plant::{Conditions, Plant, Touchdown, parameters};
+use crate::fixture::autopilot_plant::{Conditions, Plant, Touchdown, parameters};
+use crate::fixture::files;
 use hopbench::autopilot::abort::AbortReason;
 use hopbench::autopilot::planning::Answer;
 use hopbench::autopilot::tracking::Rung;

@@ -4,9 +4,7 @@
 //! Every allocation of this thread is counted (crate `allocation-counter`). Steps at which an event is noted
 //! are left out: an event carries text.
 
-#[path = "files/mod.rs"]
-mod files;
-
+use crate::fixture::files;
 use allocation_counter::measure;
 use hopbench::autopilot::tracking::Rung;
 use hopbench::plant::Plant;

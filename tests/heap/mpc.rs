@@ -1,8 +1,6 @@
 //! Invariant: a solve of predictive control asks the allocator for nothing, however it ends.
 
-#[path = "mpc/mod.rs"]
-mod gusts;
-
+use crate::fixture::gusts;
 use allocation_counter::measure;
 use hopbench::autopilot::mpc::{Settings, Solution, Status, Workspace, interior_point, oracle};
 

@@ -1,14 +1,12 @@
 //! Legs on the ground: energy only falls, a foot stays in its friction cone, the clamps carry the lift.
 
-mod motion;
-
+use crate::fixture::motion::{FULL, State, balance, reference_vehicle};
 use hopbench::dynamics::Load;
 use hopbench::dynamics::landing_gear::*;
 use hopbench::dynamics::mass::{FlowTerms, MassProperties};
 use hopbench::dynamics::rigid_body::accelerations;
 use hopbench::frame::{Vec3, tilt_rad};
 use hopbench::integrator::rk4_step;
-use motion::{FULL, State, balance, reference_vehicle};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 const G_M_S2: f64 = 9.80665;

@@ -4,9 +4,10 @@
 // The tests print their figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod bare_engine;
-
-use bare_engine::{AMBIENT_PA, at_angle, at_flow, condition, engine, filling_engine, vehicle};
+use crate::fixture::bare_engine;
+use crate::fixture::bare_engine::{
+    AMBIENT_PA, at_angle, at_flow, condition, engine, filling_engine, vehicle,
+};
 use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, NozzleFlow, WarmStart};
 use proptest::prelude::*;
 

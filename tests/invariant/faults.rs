@@ -1,11 +1,9 @@
 //! Whatever breaks in the plant: every number stays one, thrust is never negative, mass is kept, a shut isolation
 //! valve holds, and a vehicle that is sound again has lost nothing but what flowed.
 
-mod files;
-
 use std::sync::LazyLock;
 
-use files::scenario;
+use crate::fixture::files::scenario;
 use hopbench::fault::PlantEffect;
 use hopbench::fault::plant::{ServoEffect, StrokeEffect, ThrusterEffect};
 use hopbench::plant::Plant;

@@ -5,12 +5,10 @@
 // The whole flights read the files that `hopbench fly` reads; figures are printed for the record.
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)]
 
-mod bare_engine;
-mod feed_line;
-mod files;
-
-use bare_engine::{AMBIENT_PA, condition, engine_of, vehicle};
-use feed_line::{Fed, with_line, with_manifold};
+use crate::fixture::bare_engine;
+use crate::fixture::bare_engine::{AMBIENT_PA, condition, engine_of, vehicle};
+use crate::fixture::feed_line::{Fed, with_line, with_manifold};
+use crate::fixture::files;
 use hopbench::plant::Snapshot;
 use hopbench::propulsion::{EngineCondition, Feed, FeedGrid, FeedMap, ManifoldModel, Stages};
 use hopbench::simulation::fly;

@@ -4,8 +4,7 @@
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod files;
-
+use crate::fixture::files;
 use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::{Contents, ContentsRate, FlowTerms};
 use hopbench::dynamics::rigid_body::{Balance, GimbalMotion, Swing, momentum};

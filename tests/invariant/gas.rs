@@ -2,10 +2,9 @@
 //! uncovers gives a spike and a tail.
 #![allow(clippy::disallowed_macros)] // prints what it measured
 
-mod bare_engine;
-mod files;
-
-use files::scenario;
+use crate::fixture::bare_engine;
+use crate::fixture::files;
+use crate::fixture::files::scenario;
 use hopbench::plant::Snapshot;
 use hopbench::propulsion::FeedMap;
 use hopbench::scenario::Outcome;

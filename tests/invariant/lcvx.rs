@@ -4,8 +4,7 @@
 // The tests print their figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod lcvx;
-
+use crate::fixture::lcvx::{Draw, G, ascent, descent, divert, random};
 use hopbench::autopilot::lcvx::conic::{self, Program, Status};
 use hopbench::autopilot::lcvx::flight_time::{Search, least_s};
 use hopbench::autopilot::lcvx::gate::Rejection;
@@ -16,7 +15,6 @@ use hopbench::autopilot::lcvx::{
 use hopbench::autopilot::trajectory::Trajectory;
 use hopbench::frame::Vec3;
 use hopbench::time::SimTime;
-use lcvx::{Draw, G, ascent, descent, divert, random};
 
 const SEARCH: Search = Search { nodes: 20, tolerance_s: 0.1, iterations_max: 40 };
 

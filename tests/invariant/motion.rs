@@ -1,14 +1,12 @@
 //! Invariants of free motion: momentum with everything moving inside, energy, order of the integrator.
 
-mod motion;
-
+use crate::fixture::motion::{FULL, State, balance, full_mode, gimbal_sine, mode_of, reference_vehicle};
 use hopbench::dynamics::mass::{FlowTerms, MassProperties, MassRate, Outflow};
 use hopbench::dynamics::rigid_body::{Balance, Swing, accelerations, clamped, momentum};
 use hopbench::dynamics::slosh::{HardeningLaw, Mode, SloshState};
 use hopbench::dynamics::{Load, rigid_body::GimbalMotion};
 use hopbench::frame::{Mat3, Vec3, point_inertia};
 use hopbench::integrator::{Integrable, rk4_step};
-use motion::{FULL, State, balance, full_mode, gimbal_sine, mode_of, reference_vehicle};
 use nalgebra::{Quaternion, Vector2};
 
 /// The vehicle at t = 0 and how it changes: linear in time, so that P and J are exact.

@@ -3,9 +3,7 @@
 
 #![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 
-#[path = "mpc/mod.rs"]
-mod gusts;
-
+use crate::fixture::gusts;
 use hopbench::autopilot::mpc::problem::InputLimits;
 use hopbench::autopilot::mpc::{
     INPUTS, Problem, STATES, Settings, Solution, Status, Workspace, interior_point, oracle,

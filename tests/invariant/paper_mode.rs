@@ -2,8 +2,7 @@
 
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // prints its figures for the record
 
-mod files;
-
+use crate::fixture::files;
 use hopbench::plant::{Plant, Snapshot};
 use hopbench::propulsion::{EngineCondition, FeedMap, PaperEngine};
 use hopbench::scenario::{Outcome, Scenario, Schedule};

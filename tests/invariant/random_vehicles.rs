@@ -12,8 +12,7 @@
 // The test reads the tables that a vehicle names, and prints its counts for the record.
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)]
 
-mod files;
-
+use crate::fixture::files;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;

@@ -6,9 +6,8 @@
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
-mod faulty;
-mod files;
-
+use crate::fixture::faulty;
+use crate::fixture::files;
 use hopbench::plant::Plant;
 use hopbench::propulsion::Drive;
 use hopbench::scenario::{EngineStart, Place, Scenario, Schedule};

@@ -3,8 +3,7 @@
 //!
 //! The body is thrust behind a lag, two gimbal servos and six degrees of freedom without the engine's swing, stepped at 1 ms.
 
-mod autopilot_plant;
-
+use crate::fixture::autopilot_plant;
 use hopbench::autopilot::Mission;
 use hopbench::autopilot::tracking::model::Airframe;
 use hopbench::autopilot::tracking::observer::{MotionEstimate, Observer, Servo};

@@ -4,8 +4,7 @@
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod motion;
-
+use crate::fixture::motion;
 use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::*;
 use hopbench::dynamics::rigid_body::accelerations;
@@ -14,8 +13,8 @@ use hopbench::frame::{Mat3, Vec3, point_inertia};
 use hopbench::integrator::rk4_step;
 use nalgebra::{Quaternion, Vector2};
 
-const BASILISK: &str = include_str!("reference/basilisk_points.csv");
-const ROCKETPY: &str = include_str!("reference/rocketpy_mass_points.csv");
+const BASILISK: &str = include_str!("basilisk_points.csv");
+const ROCKETPY: &str = include_str!("rocketpy_mass_points.csv");
 
 fn part(mass_kg: f64, centre: Vec3, inertia: Mat3) -> MassProperties {
     MassProperties {

@@ -6,8 +6,8 @@
 
 use hopbench::propulsion::CombustionMap;
 
-const POINTS: &str = include_str!("reference/propulsion_map_points.csv");
-const MAP: &str = include_str!("../scenarios/vehicles/cea_reference_fit.csv");
+const POINTS: &str = include_str!("propulsion_map_points.csv");
+const MAP: &str = include_str!("../../scenarios/vehicles/cea_reference_fit.csv");
 const QUANTITIES: [&str; 5] = ["Isp_vac", "C*", "T_c", "MW", "gamma_t"];
 
 /// Rows of one state of the oxidiser: O/F, Pc (Pa), then the five quantities in SI but s and g/mol.

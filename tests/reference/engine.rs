@@ -1,9 +1,7 @@
 //! The engine against the figures published with the reference vehicle, computed by another implementation
 //! of the same equations (the vehicle's page and its notes on the seed paper).
 
-mod bare_engine;
-
-use bare_engine::{at_angle, at_flow, condition, engine};
+use crate::fixture::bare_engine::{at_angle, at_flow, condition, engine};
 use hopbench::propulsion::{FeedMap, NozzleFlow, WarmStart};
 
 fn near(got: f64, expected: f64, tolerance: f64, what: &str) {

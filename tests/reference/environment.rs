@@ -26,7 +26,7 @@ fn rows<const N: usize>(text: &str) -> Vec<[f64; N]> {
 #[test]
 fn magnetic_field_agrees_with_a_double_precision_implementation() {
     for [latitude_deg, longitude_deg, altitude_m, year, north_nt, east_nt, down_nt] in
-        rows(include_str!("reference/magnetic_field_points.csv"))
+        rows(include_str!("magnetic_field_points.csv"))
     {
         let site = Site {
             latitude_deg,
@@ -51,7 +51,7 @@ fn magnetic_field_agrees_with_a_double_precision_implementation() {
 #[test]
 fn geodetic_coordinates_agree_with_proj() {
     for [pad_latitude, pad_longitude, pad_altitude_m, north, east, down, latitude, longitude, altitude_m] in
-        rows(include_str!("reference/geodesy_points.csv"))
+        rows(include_str!("geodesy_points.csv"))
     {
         let datum = Datum::new(pad_latitude.to_radians(), pad_longitude.to_radians(), pad_altitude_m);
         let ours = datum.geodetic(&Vec3::new(north, east, down));

@@ -4,14 +4,13 @@
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod bare_engine;
-
+use crate::fixture::bare_engine;
 use std::collections::BTreeMap;
 
 use hopbench::propulsion::{FeedMap, NitrogenInventory, PressurantGas};
 
-const FEED: &str = include_str!("reference/feed_points.csv");
-const PRESSURANT: &str = include_str!("reference/pressurant_points.csv");
+const FEED: &str = include_str!("feed_points.csv");
+const PRESSURANT: &str = include_str!("pressurant_points.csv");
 
 /// Rows of a file by the names of its columns.
 fn rows(text: &'static str) -> Vec<BTreeMap<&'static str, f64>> {
@@ -95,7 +94,7 @@ fn flux_of_the_reference_tank() {
             worst.see("valve, choked", inlet.valve_flux_kg_m2_s / row["valve_flux"] - 1.0, place);
         }
     }
-    // Tables of the fluids: 1e-8 of the tank's liquid and of the saturation line (tests/reference_fluid.rs, and there
+    // Tables of the fluids: 1e-8 of the tank's liquid and of the saturation line (tests/reference/fluid.rs, and there
     // in units of the latent heat), some of it twice; the map between valve and injector adds as much.
     worst.stay_below(&[("tank density", 2e-8), ("valve", 2e-8), ("valve, choked", 2e-8), ("injector", 5e-8)]);
 }

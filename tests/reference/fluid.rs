@@ -5,7 +5,7 @@
 
 use hopbench::fluid::{Nitrogen, Nitrous};
 
-const POINTS: &str = include_str!("reference/fluid_points.csv");
+const POINTS: &str = include_str!("fluid_points.csv");
 
 fn points(kind: &str) -> Vec<Vec<f64>> {
     let rows = POINTS.lines().filter(|line| line.split(',').next() == Some(kind));

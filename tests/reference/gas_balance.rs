@@ -1,9 +1,7 @@
 //! Balances of bottle, regulator, ullage and liquid: closed forms, energy, and the values of a second code.
 #![allow(clippy::disallowed_macros)] // prints what it measured
 
-mod bare_engine;
-
-use bare_engine::vehicle;
+use crate::fixture::bare_engine::vehicle;
 use hopbench::fluid::RealGas;
 use hopbench::integrator::{Integrable, rk4_step};
 use hopbench::propulsion::{
@@ -175,7 +173,7 @@ fn mass_and_energy_close_to_a_billionth() {
 
 /// The rows of the second code of some kinds, each within what is allowed.
 fn against_the_second_code(kinds: &[&str], allowed: impl Fn(&str, &[f64]) -> f64) {
-    let text = include_str!("reference/gas_balance.csv");
+    let text = include_str!("gas_balance.csv");
     let mut rows = 0;
     for line in text.lines().filter(|l| !l.starts_with('#')).skip(1) {
         let mut cells = line.split(',');

@@ -4,14 +4,13 @@
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod lcvx;
-
+use crate::fixture::lcvx;
 use hopbench::autopilot::lcvx::conic::{self, Accuracy, Program, Solution};
 use hopbench::autopilot::lcvx::{GlideSlope, Motion, Objective, Problem, program};
 use hopbench::frame::Vec3;
 
-const PROBLEMS: &str = include_str!("reference/lcvx_problems.csv");
-const TRAJECTORIES: &str = include_str!("reference/lcvx_trajectories.csv");
+const PROBLEMS: &str = include_str!("lcvx_problems.csv");
+const TRAJECTORIES: &str = include_str!("lcvx_trajectories.csv");
 
 /// As accurate as the stored answers.
 const ACCURACY: Accuracy = Accuracy { feasibility: 1e-10, gap: 1e-10, iterations_max: 60 };

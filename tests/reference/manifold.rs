@@ -3,11 +3,8 @@
 
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)] // figures for the record
 
-mod bare_engine;
-mod feed_line;
-
-use bare_engine::{at_angle, condition, engine_of, vehicle};
-use feed_line::{Fed, with_line, with_manifold};
+use crate::fixture::bare_engine::{at_angle, condition, engine_of, vehicle};
+use crate::fixture::feed_line::{Fed, with_line, with_manifold};
 use hopbench::propulsion::{FeedMap, Stages};
 
 fn table(text: &str) -> Vec<Vec<f64>> {
@@ -21,7 +18,7 @@ fn lags_over_the_valve() {
     with_manifold(&mut vehicle, 2.5e-5);
     let (engine, feed) = (engine_of(&vehicle), FeedMap::new(65e5, 290.0));
     let (mut worst, mut printed) = (0.0f64, 0.0f64);
-    for row in table(include_str!("reference/feed_lag.csv")) {
+    for row in table(include_str!("feed_lag.csv")) {
         let [degrees, p2, lag_s] = row[..] else { panic!("{row:?}") };
         let point = at_angle(&engine, &feed, degrees, &condition(35.0, 10.0));
         let area_m2 = engine.valve_area().area_m2(degrees.to_radians());
@@ -75,7 +72,7 @@ fn compare(line: bool, steps_per_row: u32, default_stages: bool) -> [[f64; 3]; 2
     let mut fed = Fed::steady(&engine, 15.0);
     let dt = 5e-3 / f64::from(steps_per_row);
     let mut worst = [[0.0f64; 3]; 2];
-    let rows = table(include_str!("reference/feed_response.csv"));
+    let rows = table(include_str!("feed_response.csv"));
     let mut step = 0u32;
     for row in &rows[1..] {
         for _ in 0..steps_per_row {

@@ -1,19 +1,17 @@
 //! Reference: rigid body, slosh and swinging engine against a cloud of point masses moved by Gauss's
 //! principle (tools/reference/make_motion_reference.py; tool versions in the data file).
 
-mod motion;
-
+use crate::fixture::motion::{State, balance, gimbal_sine};
 use hopbench::dynamics::Load;
 use hopbench::dynamics::mass::{FlowTerms, MassProperties};
 use hopbench::dynamics::rigid_body::{Swing, accelerations, thrust_direction_body};
 use hopbench::dynamics::slosh::{Coupling, HardeningLaw, Mode, SloshState};
 use hopbench::frame::{Mat3, Vec3, point_inertia};
 use hopbench::integrator::rk4_step;
-use motion::{State, balance, gimbal_sine};
 use nalgebra::{Quaternion, Vector2};
 use std::collections::BTreeMap;
 
-const DATA: &str = include_str!("data/motion_reference.csv");
+const DATA: &str = include_str!("motion_reference.csv");
 const STEP_S: f64 = 1e-3;
 
 struct Inputs(BTreeMap<&'static str, Vec<f64>>);

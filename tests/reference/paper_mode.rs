@@ -3,8 +3,7 @@
 
 #![allow(clippy::disallowed_macros)] // prints its figures for the record
 
-mod files;
-
+use crate::fixture::files;
 use hopbench::plant::Snapshot;
 use hopbench::scenario::Schedule;
 use hopbench::simulation::fly;

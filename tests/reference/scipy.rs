@@ -4,9 +4,8 @@
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
 
-mod bare_engine;
-mod motion;
-
+use crate::fixture::bare_engine;
+use crate::fixture::motion;
 use hopbench::dynamics::mass::{FlowTerms, MassProperties};
 use hopbench::dynamics::rigid_body::accelerations;
 use hopbench::dynamics::slosh::SloshState;
@@ -15,11 +14,11 @@ use hopbench::integrator::{Integrable, rk4_step};
 use hopbench::propulsion::{ChamberGas, EngineCondition, FeedMap, NozzleFlow, WarmStart};
 use nalgebra::Vector2;
 
-const REGRESSION: &str = include_str!("reference/regression_points.csv");
-const NOZZLE: &str = include_str!("reference/nozzle_points.csv");
-const FILLING: &str = include_str!("reference/filling_points.csv");
-const SLOSH: &str = include_str!("reference/slosh_points.csv");
-const TUMBLING: &str = include_str!("reference/tumbling_points.csv");
+const REGRESSION: &str = include_str!("regression_points.csv");
+const NOZZLE: &str = include_str!("nozzle_points.csv");
+const FILLING: &str = include_str!("filling_points.csv");
+const SLOSH: &str = include_str!("slosh_points.csv");
+const TUMBLING: &str = include_str!("tumbling_points.csv");
 
 fn rows<const N: usize>(text: &str) -> Vec<[f64; N]> {
     let lines = text.lines().filter(|line| !line.starts_with('#')).skip(1);

@@ -3,15 +3,13 @@
 
 #![allow(clippy::disallowed_macros)] // it prints what was achieved
 
-mod motion;
-
+use crate::fixture::motion::reference_vehicle;
 use hopbench::dynamics::mass::TankGeometry;
 use hopbench::dynamics::slosh::{Coupling, HardeningLaw, Mode, SloshState};
 use hopbench::integrator::{Integrable, rk4_step};
-use motion::reference_vehicle;
 use nalgebra::Vector2;
 
-const DATA: &str = include_str!("reference/slosh.csv");
+const DATA: &str = include_str!("slosh.csv");
 
 fn rows(kind: &'static str) -> impl Iterator<Item = Vec<&'static str>> {
     DATA.lines().map(|line| line.split(',').collect()).filter(move |row: &Vec<&str>| row[0] == kind)

@@ -2,9 +2,7 @@
 //! CAD program's mass report, a valve's flow coefficients.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // tests read files and print
 
-mod files;
-
-use files::{folder, scenario, text, vehicle_of};
+use crate::fixture::files::{folder, scenario, text, vehicle_of};
 use hopbench::dynamics::mass::{Contents, ContentsRate};
 use hopbench::frame::{Mat3, inertia_frd_from_structural};
 use hopbench::input::Document;

@@ -1,7 +1,5 @@
 //! The rules of a run, shown by scripted flight controllers at the other end of a link in memory.
 
-mod peer;
-
 use std::time::{Duration, Instant};
 
 use hopbench::scenario::Outcome;
@@ -10,7 +8,7 @@ use hopbench_hil::bench::Options;
 use hopbench_hil::wire::mavlink::{Encoder, MavMessage, heartbeat};
 use hopbench_hil::wire::profile::{GENERIC, PX4_HITL, PX4_SITL, Pacing};
 
-use peer::{Then, flown, lockstep, run, scenario};
+use crate::fixture::peer::{Then, flown, lockstep, run, scenario};
 
 #[test]
 fn each_sample_waits_for_the_answer_to_the_one_before() {

@@ -1,8 +1,6 @@
 //! `hopbench doctor`: each cause is made on a real link, and named by the real command.
 #![allow(clippy::disallowed_methods, reason = "runs the program and reads what it says")]
 
-mod terminal;
-
 use std::net::{TcpListener, UdpSocket};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
@@ -17,7 +15,7 @@ use hopbench_hil::wire::mavlink::{
 };
 use hopbench_hil::wire::port::Port;
 
-use terminal::{Terminal, controls};
+use crate::fixture::terminal::{Terminal, controls};
 
 const DISARMED: u8 = 0x01;
 const ARMED: u8 = 0x81;

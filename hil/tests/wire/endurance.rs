@@ -4,8 +4,7 @@
 //! 50 000 steps, or as many as `HOPBENCH_LOCKSTEP_STEPS` says; one exchange a step.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
 
-mod peer;
-
+use crate::fixture::peer;
 use std::collections::HashSet;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -19,7 +18,7 @@ use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::wire::link::Link;
 use hopbench_hil::wire::profile::{GENERIC, PX4_SITL};
 
-use peer::{Fc, flown, lockstep};
+use crate::fixture::peer::{Fc, flown, lockstep};
 
 /// One step of the plant, and here one sample (us).
 const STEP_US: u64 = 1000;

@@ -2,8 +2,6 @@
 //!
 //! In lockstep a late frame holds nobody up, so times in the reports are exact; a lost one is waited for in vain.
 
-mod peer;
-
 use std::cell::RefCell;
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
@@ -16,7 +14,7 @@ use hopbench_hil::command::autopilot::pilot;
 use hopbench_hil::wire::mavlink::{ControlsFrame, MavMessage, actuator_controls};
 use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing};
 
-use peer::{Fc, Then, flown, lockstep, run, scenario};
+use crate::fixture::peer::{Fc, Then, flown, lockstep, run, scenario};
 
 /// Rate of HIL_SENSOR is 250 Hz (us).
 const SAMPLE_US: u64 = 4000;

@@ -1,8 +1,6 @@
 //! Hand-over: a controller that falls silent or talks nonsense in the air is replaced within its timeout and without a
 //! bump, and comes back only on request.
 
-mod peer;
-
 use std::time::Duration;
 
 use ::mavlink::dialects::common::{COMMAND_LONG_DATA, MavCmd, MavResult};
@@ -13,7 +11,7 @@ use hopbench_hil::command::autopilot::pilot;
 use hopbench_hil::wire::mavlink::MavMessage;
 use hopbench_hil::wire::profile::GENERIC;
 
-use peer::{Fc, Then, flown, lockstep, run, scenario};
+use crate::fixture::peer::{Fc, Then, flown, lockstep, run, scenario};
 
 /// The pivot of the reference vehicle at rest (m).
 const REST_NED_M: f64 = -0.74;

@@ -1,8 +1,5 @@
 //! A serial port for real: rates, one user at a time, unplugged in flight and found again, a board that reboots.
 
-mod peer;
-mod terminal;
-
 use std::os::unix::fs::symlink;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,8 +12,8 @@ use hopbench_hil::wire::link::{Link, LinkSpec};
 use hopbench_hil::wire::mavlink::{Decoder, Encoder, MavMessage, heartbeat};
 use hopbench_hil::wire::profile::{GENERIC, PX4_HITL, Pacing, Profile};
 
-use peer::{lockstep, scenario};
-use terminal::{Board, Terminal};
+use crate::fixture::peer::{lockstep, scenario};
+use crate::fixture::terminal::{Board, Terminal};
 
 fn open(text: &str) -> Link {
     Link::open(&text.parse::<LinkSpec>().unwrap()).unwrap()

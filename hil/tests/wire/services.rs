@@ -2,8 +2,6 @@
 
 #![allow(clippy::disallowed_methods)] // a test reads the documentation
 
-mod peer;
-
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -21,7 +19,7 @@ use hopbench_hil::wire::profile::{GENERIC, PX4_SITL, Pacing, SensorRates};
 use hopbench_hil::wire::stream::Refusal;
 use mavlink::dialects::common as dialect;
 
-use peer::{Fc, Then, lockstep, run, scenario};
+use crate::fixture::peer::{Fc, Then, lockstep, run, scenario};
 
 const FC_SIDE: (u8, u8) = (1, 200);
 const GROUND_SIDE: (u8, u8) = (GROUND_ADDRESS.system, GROUND_ADDRESS.component);

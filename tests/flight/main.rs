@@ -1,0 +1,14 @@
+//! Whole flights.
+
+#[path = "../fixture/mod.rs"]
+mod fixture;
+
+mod autopilot;
+mod disturbed;
+mod faults;
+mod feed;
+mod navigation;
+mod plant_faults;
+mod scenarios;
+mod sensor_faults;
+mod tracking;
