@@ -92,6 +92,7 @@ def test_a_cpu_is_chosen_by_number(bench):
     assert wrong.code == 2 and "--cpu" in wrong.stderr and "allowed" in wrong.stderr
 
 
+@pytest.mark.alone
 def test_a_run_that_follows_no_clock_claims_nothing_of_one(bench):
     run = bench("hover_5m", fc="udp", lockstep=True, fast=True, sets={"arm_wait_s": 2})
     stand(run)
