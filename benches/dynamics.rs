@@ -1,7 +1,8 @@
 //! Nanoseconds a call of the dynamics, in a plain loop: `cargo bench --bench dynamics`.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a bench reads the clock and prints
 
-#[path = "../tests/motion/mod.rs"]
+#[path = "../tests/fixture/motion.rs"]
+#[allow(dead_code)] // the tests use the rest
 mod motion;
 
 use hopbench::actuator::{Gimbal, ServoMemory, ServoState};

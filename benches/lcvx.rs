@@ -9,7 +9,8 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
-#[path = "../tests/lcvx/mod.rs"]
+#[path = "../tests/fixture/lcvx.rs"]
+#[allow(dead_code)] // the tests use the rest
 mod lcvx;
 
 use std::hint::black_box;

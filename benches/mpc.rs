@@ -8,7 +8,8 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
-#[path = "../tests/mpc/mod.rs"]
+#[path = "../tests/fixture/gusts.rs"]
+#[allow(dead_code)] // the tests use the rest
 mod gusts;
 
 use std::hint::black_box;

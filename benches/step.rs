@@ -7,7 +7,8 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
-#[path = "../tests/files/mod.rs"]
+#[path = "../tests/fixture/files.rs"]
+#[allow(dead_code)] // the tests use the rest
 mod files;
 
 use std::hint::black_box;

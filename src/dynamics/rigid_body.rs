@@ -27,7 +27,7 @@
 //! at rest and sloshing liquid.
 //!
 //! Source: momentum theorem for variable-mass systems (Thomson, Introduction to Space Dynamics, 1961);
-//! checked against Gauss's principle for a cloud of point masses (`tests/reference_motion.rs`).
+//! checked against Gauss's principle for a cloud of point masses (`tests/reference/motion.rs`).
 
 use super::Load;
 use super::mass::{FlowTerms, MassProperties};

@@ -15,7 +15,7 @@
 //! gives the side force F ~ sinh(kh)/k, and on wall and floor the moment about the floor's centre
 //! M ~ h sinh(kh)/k - (cosh(kh) - 2)/k². The spring's force at z_s and the weight of the displaced mass must
 //! give the same, M = F z_s + F g/ω², hence z_s = h - 2 (cosh(kh) - 1)/(k sinh(kh)): the line above, for every
-//! mode. `tests/reference_slosh.rs` has the modes of a Ritz solution that knows no Bessel function. The share of mode n falls
+//! mode. `tests/reference/slosh.rs` has the modes of a Ritz solution that knows no Bessel function. The share of mode n falls
 //! as 2/(ξ² - 1) in a shallow tank (0.84, 0.07) and all shares together are the whole liquid.
 //!
 //! The spring hardens with the cube of the displacement (Duffing): along each axis for itself, as the seed

@@ -14,6 +14,7 @@ from hopbench_bench import Bench, hopbench_binary  # noqa: E402
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "long: evidence that takes longer than CI has; `cargo xtask long` runs it")
+    config.addinivalue_line("markers", "alone: holds a peer to the clock, or the machine's network; runs after the others, one at a time")
     try:
         binary = hopbench_binary()
     except FileNotFoundError as missing:

@@ -29,6 +29,7 @@ def hovering(sensor, pilot):
     return pilot.phase == "hover" and sensor.time_usec * 1e-6 > pilot.since_s + 1.0
 
 
+@pytest.mark.alone  # no stall: 100 ms by the clock
 @pytest.mark.parametrize("fc", ["udp", "tcp-listen", "serial"])
 def test_scripted_controller_hops(bench, fc):
     run = bench("hover_5m", fc=fc, profile="generic", **LOCKSTEP_FAST)
@@ -45,6 +46,7 @@ def test_scripted_controller_hops(bench, fc):
     assert result.json["link"]["stalls"] == 0 and result.json["timing"]["realtime_factor"] > 1.0
 
 
+@pytest.mark.alone
 def test_script_flies_in_real_time_as_its_documentation_says(bench):
     run = bench("hover_5m", fc="udp-listen", lockstep=False, connect=False)
     link = run.ready["fc"].replace("udp-listen", "udp")
@@ -109,7 +111,10 @@ def test_disarm_in_flight_cuts_the_engine(bench):
     assert result.event("fc_lost") is None and result.event("handover") is None
 
 
-@pytest.mark.parametrize("options", [LOCKSTEP_FAST, {"lockstep": False}], ids=["lockstep", "realtime"])
+@pytest.mark.parametrize(
+    "options",
+    [pytest.param(LOCKSTEP_FAST, id="lockstep"), pytest.param({"lockstep": False}, id="realtime", marks=pytest.mark.alone)],
+)
 def test_controller_silent_in_mid_hop_is_named_and_the_vehicle_comes_home(bench, options):
     run = bench("hover_5m", fc="udp", **options)
     last_s = answer(run, Pilot(), until=hovering).time_usec * 1e-6

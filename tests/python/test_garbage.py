@@ -6,6 +6,7 @@ import pytest
 from hopbench_bench import Bench
 
 
+@pytest.mark.alone  # no stall: 100 ms by the clock
 @pytest.mark.parametrize("fc", ["udp", "tcp-listen", "serial"])
 def test_garbage_is_counted_and_does_no_harm(bench, fc):
     chance = random.Random(1)

@@ -90,6 +90,7 @@ def test_a_flood_in_flight_instead_of_controls_hands_over(bench, what):
     assert sent > 1_000_000 and highest_kb < MEMORY_KB
 
 
+@pytest.mark.alone
 def test_a_flood_in_real_time_does_not_stop_the_clock(bench):
     run, nasty = bench("hover_5m", fc="udp", lockstep=False), Fuzz(4)
     zeros(run, run.recv_sensor())

@@ -424,6 +424,7 @@ def test_a_flight_in_lockstep_breaks_no_rule(fc, profile):
     assert result.json["link"]["lost"] == 0 or fc == "udp-listen"
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("fc", ["serial", pytest.param("udp", marks=pytest.mark.long)])
 def test_a_flight_in_real_time_breaks_no_rule_of_a_board(fc):
     result, strict = flight("hover_5m", fc, "px4-hitl", lockstep=False)

@@ -37,6 +37,7 @@ def stand(bench):
     return seen[0], seen[-1]
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("fc", ["udp", "serial"])
 def test_certificate_of_a_run_in_real_time(bench, fc):
     run = bench("hover_5m", fc=fc, profile="generic", lockstep=False, sets={"arm_wait_s": 4}, extra=["--references"])
@@ -72,6 +73,7 @@ def test_certificate_of_a_run_in_real_time(bench, fc):
     assert "not measured" not in page
 
 
+@pytest.mark.alone
 def test_nothing_is_asked_of_the_kernel_where_nobody_wants_it(bench):
     run = bench("hover_5m", fc="udp", lockstep=False, sets={"arm_wait_s": 1}, extra=["--no-realtime-priority"])
     stand(run)
@@ -80,6 +82,7 @@ def test_nothing_is_asked_of_the_kernel_where_nobody_wants_it(bench):
     assert "nothing was asked" in (run.folder / "run" / "certificate.txt").read_text()
 
 
+@pytest.mark.alone
 def test_a_cpu_is_chosen_by_number(bench):
     cpu = max(os.sched_getaffinity(0))
     run = bench("hover_5m", fc="udp", lockstep=False, sets={"arm_wait_s": 1}, extra=["--cpu", str(cpu)])
@@ -89,6 +92,7 @@ def test_a_cpu_is_chosen_by_number(bench):
     assert wrong.code == 2 and "--cpu" in wrong.stderr and "allowed" in wrong.stderr
 
 
+@pytest.mark.alone
 def test_a_run_that_follows_no_clock_claims_nothing_of_one(bench):
     run = bench("hover_5m", fc="udp", lockstep=True, fast=True, sets={"arm_wait_s": 2})
     stand(run)

@@ -17,7 +17,10 @@ BENCH_IP, FC_IP, PORT = "10.77.0.1", "10.77.0.2", 14600
 
 REQUIRED = os.environ.get("HOPBENCH_NETNS") == "required"
 ABLE = os.geteuid() == 0 and shutil.which("ip") is not None
-pytestmark = pytest.mark.skipif(not ABLE and not REQUIRED, reason="two hosts need root and the program ip (iproute2)")
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(not ABLE and not REQUIRED, reason="two hosts need root and the program ip (iproute2)"),
+]
 
 
 def run(*words):

@@ -24,7 +24,13 @@ CASES = [
     *(("px4-hitl", fc, REALTIME) for fc in ("udp", "tcp-listen", "serial")),
 ]
 every_case = pytest.mark.parametrize(
-    "case", CASES, ids=[f"{p}-{fc}-{'lockstep' if pacing else 'realtime'}" for p, fc, pacing in CASES]
+    "case",
+    [
+        pytest.param((p, fc, pacing), id=f"{p}-{fc}-lockstep")
+        if pacing
+        else pytest.param((p, fc, pacing), id=f"{p}-{fc}-realtime", marks=pytest.mark.alone)
+        for p, fc, pacing in CASES
+    ],
 )
 
 
@@ -249,6 +255,7 @@ def test_truth_comes_when_asked_for():
     assert Capture("generic", "udp", LOCKSTEP, ask_truth_us=20_000).of("HIL_STATE_QUATERNION")
 
 
+@pytest.mark.alone
 def test_truth_never_goes_to_a_flying_board():
     assert "HIL_STATE_QUATERNION" not in Capture("px4-hitl", "serial", REALTIME, ask_truth_us=5_000).kinds()
 

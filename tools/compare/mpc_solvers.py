@@ -5,7 +5,7 @@
     cargo build --release -p hopbench --bench mpc
     venv/bin/python tools/compare/mpc_solvers.py target/release/deps/mpc-HASH
 
-The benchmark serves the three hundred programs of `tests/mpc/mod.rs`, one at a time, and solves each; then PIQP
+The benchmark serves the three hundred programs of `tests/fixture/gusts.rs`, one at a time, and solves each; then PIQP
 and HPIPM solve it here, so that all of them share whatever the machine is doing. Times are each solver's least of
 REPETITIONS: ours and Clarabel around the call, PIQP and HPIPM as their libraries report it. The reference of the first
 input is PIQP at 1e-9. HPIPM is the one inside the wheel of CasADi, called through it.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A vehicle with a sloshing mass by Basilisk, for tests/reference_basilisk.rs.
+"""A vehicle with a sloshing mass by Basilisk, for tests/reference/basilisk.rs.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-basilisk.txt
     venv/bin/python tools/reference/make_basilisk_points.py

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Two-phase flux of nitrous oxide through valve and injector, and nitrogen in bottle and tank, straight from
-CoolProp, for tests/reference_feed.rs.
+CoolProp, for tests/reference/feed.rs.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-open-loop.txt
     venv/bin/python tools/reference/make_feed_points.py

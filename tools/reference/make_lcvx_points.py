@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Least-fuel motions by CVXPY and ECOS, for tests/reference_lcvx.rs.
+"""Least-fuel motions by CVXPY and ECOS, for tests/reference/lcvx.rs.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-lcvx.txt
     venv/bin/python tools/reference/make_lcvx_points.py

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Lag and response of the manifold between valve and injector, for tests/reference_manifold.rs.
+"""Lag and response of the manifold between valve and injector, for tests/reference/manifold.rs.
 
 Fluids by CoolProp (derivatives of density at constant enthalpy too), chamber and nozzle by the second
 implementation in make_open_loop_reference.py, integration by SciPy's Radau. Port 35 mm, throat 10 mm.

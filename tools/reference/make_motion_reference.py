@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reference motion for tests/reference_motion.rs, by a formulation of its own.
+"""Reference motion for tests/reference/motion.rs, by a formulation of its own.
 
 The plant balances momentum about the gimbal pivot. Here nothing of that is used: the vehicle is a cloud
 of point masses, six for the body and six for the swinging engine (same mass, centre and second moments
@@ -9,7 +9,7 @@ constraint picks the one that strays least, in the mass-weighted sense, from the
 gravity and applied forces. Integrated by DOP853 at a relative tolerance of 1e-13.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-motion.txt
-    venv/bin/python tools/reference/make_motion_reference.py > tests/data/motion_reference.csv
+    venv/bin/python tools/reference/make_motion_reference.py > tests/reference/motion_reference.csv
 
 Axes: body FRD from the pivot, world NED, quaternion scalar first (NED from body).
 """

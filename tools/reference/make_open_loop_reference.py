@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The open-loop runs a and b flown by a second implementation of the vehicle, for tests/reference_open_loop.rs.
+"""The open-loop runs a and b flown by a second implementation of the vehicle, for tests/reference/open_loop.rs.
 
 Written from the equations alone. Fluids come from CoolProp, not from the plant's tables; mechanics are the
 8 x 8 system of pivot acceleration, angular acceleration and slosh, assembled in the structural frame (origin

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The seed paper's scheme, written from its equations alone, for tests/reference_paper_mode.rs.
+"""The seed paper's scheme, written from its equations alone, for tests/reference/paper_mode.rs.
 
 Explicit Euler at 0.02 s in the centre of mass. Eq 4 for the port, the sweep of Eq 8 by brute force over every flow,
 polynomials by numpy's least squares, Eq 15 by Brent's method on CoolProp's nitrous oxide, Eqs 12, 13 for nitrogen,

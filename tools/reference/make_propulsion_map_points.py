@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Points of the propulsion map by NASA's own CEA, for tests/reference_combustion.rs.
+"""Points of the propulsion map by NASA's own CEA, for tests/reference/combustion.rs.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-cea.txt
     venv/bin/python tools/reference/make_propulsion_map_points.py

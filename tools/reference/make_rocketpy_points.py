@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Mass, centre of mass and inertia of grain, liquid and ullage by RocketPy, for tests/reference_basilisk.rs.
+"""Mass, centre of mass and inertia of grain, liquid and ullage by RocketPy, for tests/reference/basilisk.rs.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-rocketpy.txt
     venv/bin/python tools/reference/make_rocketpy_points.py

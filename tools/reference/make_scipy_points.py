@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Problems of one equation each, solved by SciPy, for tests/reference_scipy.rs.
+"""Problems of one equation each, solved by SciPy, for tests/reference/scipy.rs.
 
     python3 -m venv venv && venv/bin/pip install -r tools/reference/requirements-motion.txt
     venv/bin/python tools/reference/make_scipy_points.py

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reference numbers of the sloshing modes for tests/reference_slosh.rs, by ways of their own.
+"""Reference numbers of the sloshing modes for tests/reference/slosh.rs, by ways of their own.
 
 Modes: the linear sloshing problem in an upright flat-floored cylinder, azimuthal order one, solved by Ritz's
 method with polynomials. The potential is phi(r, z) cos(theta); kinetic energy of the liquid and potential energy of

@@ -6,7 +6,7 @@
     venv/bin/python tools/studies/static_fire.py
 
 writes docs/static_fire.svg and prints the figures of docs/static_fire.md. The same figures are held by
-static_fires_have_the_shape_that_is_written_down in tests/reference_vehicles.rs.
+static_fires_have_the_shape_that_is_written_down in tests/reference/vehicles.rs.
 """
 
 import argparse

@@ -65,16 +65,60 @@ impl Failure {
 
 type Outcome = Result<(), Failure>;
 
+/// Python tests that run at a time: they mostly wait.
+const PYTHON_PROCESSES: &str = "3";
+
+/// Assertions and overflow checks of the library and its tests, on top of the release profile: the dependencies stay those of
+/// the release build.
+const ASSERTIONS: [&str; 4] = [
+    "--config",
+    "profile.release.package.hopbench.debug-assertions=true",
+    "--config",
+    "profile.release.package.hopbench.overflow-checks=true",
+];
+
+/// In release: what is tested is what flies, and dependencies are built once for tests and program. Then what steps the
+/// plant once more, with its assertions on.
 fn rust_tests() -> Outcome {
-    // In release: what is tested is what flies, and dependencies are built once for tests and program.
     // Documentation tests are part of `cargo test` as long as no target is selected.
-    stage("Rust tests", cargo().args(["test", "--workspace", "--release", "--locked"]))
+    stage("Rust tests", &mut workspace_test())?;
+    stage(
+        "Rust tests, assertions on",
+        workspace_test().args(["--test", "flight", "--test", "invariant"]).args(ASSERTIONS),
+    )
 }
 
+/// Of the workspace even where one package is meant: the features of shared dependencies, and with them what is compiled,
+/// are then the same in every stage.
+fn workspace_test() -> Command {
+    let mut command = cargo();
+    command.args(["test", "--workspace", "--release", "--locked"]);
+    command
+}
+
+/// Without arguments two runs: what waits for messages side by side, then what asks for the machine to itself.
 fn python_tests(pytest: &[String]) -> Outcome {
     let hopbench = release_binary()?;
     let python = python::environment(&root())?;
-    stage("Python tests", pytest_command(&python, &hopbench).args(["-m", "not long"]).args(pytest))
+    if !pytest.is_empty() {
+        return stage(
+            "Python tests",
+            pytest_command(&python, &hopbench).args(["-m", "not long"]).args(pytest),
+        );
+    }
+    stage(
+        "Python tests, side by side",
+        pytest_command(&python, &hopbench).args([
+            "-m",
+            "not long and not alone",
+            "--numprocesses",
+            PYTHON_PROCESSES,
+        ]),
+    )?;
+    stage(
+        "Python tests, one at a time",
+        pytest_command(&python, &hopbench).args(["-m", "alone and not long"]),
+    )
 }
 
 fn long_evidence() -> Outcome {
@@ -84,16 +128,14 @@ fn long_evidence() -> Outcome {
     );
     stage(
         "10 000 random vehicles",
-        cargo()
-            .args(["test", "--release", "--locked", "-p", "hopbench", "--test", "invariant_random_vehicles"])
-            .args(["--", "--nocapture"])
+        workspace_test()
+            .args(["--test", "invariant", "random_vehicles::", "--", "--nocapture"])
             .env("HOPBENCH_RANDOM_FILES", "10000"),
     )?;
     stage(
         "a million lockstep steps",
-        cargo()
-            .args(["test", "--release", "--locked", "-p", "hopbench-hil", "--test", "wire_endurance"])
-            .args(["--", "--nocapture"])
+        workspace_test()
+            .args(["--test", "wire", "endurance::", "--", "--nocapture"])
             .env("HOPBENCH_LOCKSTEP_STEPS", "1000000"),
     )?;
     let hopbench = release_binary()?;

@@ -1,0 +1,4 @@
+//! Whole flights.
+
+mod campaign;
+mod example;

@@ -1,0 +1,4 @@
+//! What must hold whatever the numbers.
+
+mod campaign;
+mod planner;
