@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::report::Source;
+use super::flown_by::Source;
 use crate::scenario::Fidelity;
 
 /// A change of who flies, and what it did to the vehicle.

@@ -7,16 +7,21 @@
 //! In a campaign the vehicle that flies is not the one of the data sheet: [`Flight::dispersed`] gives the plant
 //! what was drawn, and the autopilot what [`data_sheet::nominal`] made of the scenario as written.
 
-mod bench;
-mod bench_report;
 pub mod data_sheet;
+
+mod flown_by;
 mod referee;
-pub mod report;
 mod state_hash;
+
+mod bench_report;
+pub mod report;
+
+mod bench;
 mod summary;
 
 pub use bench::MODIFIED_KEPT;
-pub use report::{FlownBy, Ladders, Report, Source};
+pub use flown_by::{FlownBy, Source};
+pub use report::{Ladders, Report};
 pub use summary::TouchdownOffset;
 
 use crate::autopilot::abort::{Abort, AbortKind};

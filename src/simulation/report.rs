@@ -9,6 +9,7 @@ pub use super::bench_report::{
     Timing, Unrest,
 };
 
+use super::flown_by::{FlownBy, Source};
 use crate::event::{Event, EventKind};
 use crate::scenario::{Expect, Outcome};
 
@@ -78,29 +79,6 @@ pub struct Ladders {
     pub guidance: BTreeMap<String, u64>,
     /// Plans that did not come in time.
     pub plans_late: u64,
-}
-
-/// Who commands the vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Source {
-    /// A flight controller from outside: at the other end of a link, or a law of one's own.
-    Fc,
-    /// The built-in autopilot.
-    Autopilot,
-    /// An open-loop schedule.
-    Commands,
-}
-
-/// A span of the run in one hand.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct FlownBy {
-    /// Whose.
-    pub source: Source,
-    /// From this run time (s).
-    pub from_s: f64,
-    /// To this run time (s).
-    pub to_s: f64,
 }
 
 /// Expectations against results.

@@ -1,7 +1,8 @@
 //! What a flight comes to: its report, assembled from the truth, the referee and the autopilot.
 
 use super::Flight;
-use super::report::{Ladders, MassBalance, Propellant, Report, Source, Timing, Verdict};
+use super::flown_by::Source;
+use super::report::{Ladders, MassBalance, Propellant, Report, Timing, Verdict};
 use crate::autopilot::{lcvx, tracking};
 use crate::fault::Fault;
 use crate::frame::Vec3;
