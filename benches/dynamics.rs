@@ -2,7 +2,7 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a bench reads the clock and prints
 
 #[path = "../tests/fixture/motion.rs"]
-#[allow(dead_code)] // the tests use the rest
+#[allow(dead_code, unreachable_pub)] // the tests use the rest
 mod motion;
 
 use hopbench::actuator::{Gimbal, ServoMemory, ServoState};

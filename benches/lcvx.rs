@@ -10,7 +10,7 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
 #[path = "../tests/fixture/lcvx.rs"]
-#[allow(dead_code)] // the tests use the rest
+#[allow(dead_code, unreachable_pub)] // the tests use the rest
 mod lcvx;
 
 use std::hint::black_box;

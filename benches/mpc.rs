@@ -9,7 +9,7 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
 #[path = "../tests/fixture/gusts.rs"]
-#[allow(dead_code)] // the tests use the rest
+#[allow(dead_code, unreachable_pub)] // the tests use the rest
 mod gusts;
 
 use std::hint::black_box;

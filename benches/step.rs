@@ -8,7 +8,7 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
 #[path = "../tests/fixture/files.rs"]
-#[allow(dead_code)] // the tests use the rest
+#[allow(dead_code, unreachable_pub)] // the tests use the rest
 mod files;
 
 use std::hint::black_box;

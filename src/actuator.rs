@@ -209,7 +209,7 @@ impl Servo {
 
     /// Where play and friction leave the servo after a step.
     #[inline]
-    pub fn memory_after(&self, angle_rad: f64, memory: &ServoMemory) -> ServoMemory {
+    pub(crate) fn memory_after(&self, angle_rad: f64, memory: &ServoMemory) -> ServoMemory {
         let root = self.stick_over_loop();
         let within = |held_rad: f64, half: f64| held_rad.min(angle_rad + half).max(angle_rad - half);
         let half = 0.5 * self.backlash_rad;
@@ -254,7 +254,7 @@ impl<T: Copy + PartialEq> DelayLine<T> {
     }
 
     /// A line for one command every `interval`.
-    pub fn for_interval(delay: SimTime, initial: T, interval: SimTime) -> Self {
+    pub(crate) fn for_interval(delay: SimTime, initial: T, interval: SimTime) -> Self {
         let waiting = delay.us() / interval.us().max(1) + 2;
         Self::new(delay, initial, usize::try_from(waiting).unwrap_or(usize::MAX).min(65_536))
     }
@@ -295,7 +295,7 @@ pub struct StrokeValve {
 impl StrokeValve {
     /// Opening (0 shut, 1 open) after `dt_s` on the way from `opening` to `target`. Exact for any step,
     /// and at a fraction of a step too.
-    pub fn opening_after(&self, opening: f64, target: f64, dt_s: f64) -> f64 {
+    pub(crate) fn opening_after(&self, opening: f64, target: f64, dt_s: f64) -> f64 {
         let target = target.clamp(0.0, 1.0);
         if self.stroke_time_s <= 0.0 {
             return target;

@@ -193,7 +193,7 @@ impl Disturbances {
     }
 
     /// Sets what acts beside the scenario's disturbances from now on.
-    pub fn set_constant(&mut self, constant: Option<ConstantDisturbance>) {
+    pub(crate) fn set_constant(&mut self, constant: Option<ConstantDisturbance>) {
         self.constant = constant;
     }
 

@@ -19,7 +19,7 @@ pub fn rk4_step<S: Integrable>(state: &S, dt_s: f64, mut f: impl FnMut(&S, f64) 
 
 /// The same when the rate at the beginning of the step is known; `f` is asked for the other three.
 #[inline]
-pub fn rk4_step_from<S: Integrable>(
+pub(crate) fn rk4_step_from<S: Integrable>(
     state: &S,
     k1: &S::Rate,
     dt_s: f64,

@@ -95,7 +95,7 @@ impl ChannelError {
 }
 
 /// Standard deviation of one sample at `rate_hz` of white noise with a one-sided density.
-pub fn sample_std(density_per_sqrt_hz: f64, rate_hz: f64) -> f64 {
+pub(crate) fn sample_std(density_per_sqrt_hz: f64, rate_hz: f64) -> f64 {
     density_per_sqrt_hz * (0.5 * rate_hz).sqrt()
 }
 

@@ -131,7 +131,7 @@ impl AbortWatch {
     }
 
     /// Sets a decision that was made outside [`Self::step`].
-    pub fn declare(&mut self, reason: AbortReason, time: SimTime) {
+    pub(crate) fn declare(&mut self, reason: AbortReason, time: SimTime) {
         self.abort = Some(Abort { kind: reason.kind(), reason, time });
     }
 

@@ -52,7 +52,7 @@ impl ThrustMap {
     }
 
     /// The tables have the shape of their grid, and the valve angle rises with thrust.
-    pub fn is_consistent(&self) -> bool {
+    pub(crate) fn is_consistent(&self) -> bool {
         let rising = |v: &[f64]| !v.is_empty() && v.windows(2).all(|w| w[1] > w[0]);
         let shaped = |t: &[Vec<f64>]| {
             t.len() == self.port_radius_m.len()
@@ -116,7 +116,7 @@ pub struct ActuatorParameters {
 }
 
 /// Shares of the gimbal's limit and rate limit that control may use; the rest is a margin for servo errors.
-pub const GIMBAL_AUTHORITY: f64 = 0.95;
+pub(crate) const GIMBAL_AUTHORITY: f64 = 0.95;
 const GIMBAL_RATE_AUTHORITY: f64 = 0.7;
 
 /// State of the allocation: the gimbal command in force and the roll modulator.
@@ -184,7 +184,7 @@ impl Allocation {
     }
 
     /// Counts the nitrogen of the roll thrusters under a command in force for `dt_s`, whoever gave it.
-    pub fn count_nitrogen(&mut self, parameters: &ActuatorParameters, rcs_roll: f64, dt_s: f64) {
+    pub(crate) fn count_nitrogen(&mut self, parameters: &ActuatorParameters, rcs_roll: f64, dt_s: f64) {
         self.roll.count_nitrogen(&parameters.roll, rcs_roll, dt_s);
     }
 
@@ -195,7 +195,7 @@ impl Allocation {
 }
 
 /// Torque about the COM of thrust with the gimbal at zero (N m): r × F with r from the COM to the pivot.
-pub fn thrust_line_torque_n_m(thrust_n: f64, com_body_m: Vec3) -> Vec3 {
+pub(crate) fn thrust_line_torque_n_m(thrust_n: f64, com_body_m: Vec3) -> Vec3 {
     Vec3::new(com_body_m.y, -com_body_m.x, 0.0) * thrust_n
 }
 

@@ -106,7 +106,7 @@ pub struct MissionProfile<'a> {
 
 impl MissionProfile<'_> {
     /// Hover position of the pivot, over the landing point (m).
-    pub fn hover_ned_m(&self) -> Vec3 {
+    pub(crate) fn hover_ned_m(&self) -> Vec3 {
         self.landing_ned_m() - Vec3::new(0.0, 0.0, self.mission.hover_height_m)
     }
 
@@ -117,24 +117,24 @@ impl MissionProfile<'_> {
     }
 
     /// The reference has reached the hover height.
-    pub fn is_at_hover(&self, reference: &Reference) -> bool {
+    pub(crate) fn is_at_hover(&self, reference: &Reference) -> bool {
         (reference.position_ned_m.z - self.hover_ned_m().z).abs() < 0.05
             && reference.velocity_ned_m_s.z.abs() < 0.2
     }
 
     /// The reference is over the landing point.
-    pub fn is_over_target(&self, reference: &Reference) -> bool {
+    pub(crate) fn is_over_target(&self, reference: &Reference) -> bool {
         let d = self.landing_ned_m() - reference.position_ned_m;
         libm::hypot(d.x, d.y) < 0.1
     }
 
     /// Position at which the reference reaches the terminal speed (m).
-    pub fn terminal_ned_m(&self) -> Vec3 {
+    pub(crate) fn terminal_ned_m(&self) -> Vec3 {
         self.landing_ned_m() - Vec3::new(0.0, 0.0, self.mission.terminal_height_m + TERMINAL_LEAD_M)
     }
 
     /// Speed of the reference in the terminal phase (m/s).
-    pub fn final_speed_m_s(&self) -> f64 {
+    pub(crate) fn final_speed_m_s(&self) -> f64 {
         TERMINAL_SHARE * self.mission.terminal_speed_m_s
     }
 

@@ -90,7 +90,7 @@ impl PropellantEstimate {
     }
 
     /// Mass properties at the estimated mass: linear between full and empty.
-    pub fn mass_properties(&self, parameters: &PropellantParameters) -> MassProperties {
+    pub(crate) fn mass_properties(&self, parameters: &PropellantParameters) -> MassProperties {
         let (full, empty) = (&parameters.full, &parameters.empty);
         let span = full.mass_kg - empty.mass_kg;
         let u = if span > 0.0 { (full.mass_kg - self.mass_kg) / span } else { 0.0 }.clamp(0.0, 1.2);
@@ -106,7 +106,12 @@ impl PropellantEstimate {
     }
 
     /// Time that oxidiser and fuel last at the flow of a hover (s).
-    pub fn endurance_s(&self, parameters: &PropellantParameters, map: &ThrustMap, gravity_m_s2: f64) -> f64 {
+    pub(crate) fn endurance_s(
+        &self,
+        parameters: &PropellantParameters,
+        map: &ThrustMap,
+        gravity_m_s2: f64,
+    ) -> f64 {
         let (ox, fuel) = map.flows_kg_s(self.mass_kg * gravity_m_s2, self.port_radius_m);
         let lasts_s = |loaded: f64, used: f64, flow: f64| {
             if flow > 0.0 { (loaded - used).max(0.0) / flow } else { f64::INFINITY }
@@ -163,7 +168,7 @@ impl PropellantEstimate {
     }
 
     /// Slow trim from the measured force along the long axis (N). Only in free flight.
-    pub fn trim_step(&mut self, parameters: &PropellantParameters, axial_force_n: f64, dt_s: f64) {
+    pub(crate) fn trim_step(&mut self, parameters: &PropellantParameters, axial_force_n: f64, dt_s: f64) {
         let expected = self.thrust_n();
         if expected < 0.8 * parameters.thrust_min_n || self.rise < 0.9 {
             return;

@@ -91,7 +91,7 @@ impl RollModulator {
     }
 
     /// Counts the nitrogen of a command in force for `dt_s`.
-    pub fn count_nitrogen(&mut self, thrusters: &RollThrusters, command: f64, dt_s: f64) {
+    pub(crate) fn count_nitrogen(&mut self, thrusters: &RollThrusters, command: f64, dt_s: f64) {
         let share = command.abs();
         if share > thrusters.dead_band {
             self.on_time_s += match thrusters.drive {

@@ -100,7 +100,7 @@ impl Sequence {
     }
 
     /// Time since the present phase began (s).
-    pub const fn time_in_phase_s(&self) -> f64 {
+    pub(crate) const fn time_in_phase_s(&self) -> f64 {
         self.time_in_phase_s
     }
 

@@ -75,7 +75,7 @@ impl Trajectory {
     }
 
     /// The same trajectory with another start.
-    pub fn with_start(self, start: SimTime) -> Self {
+    pub(crate) fn with_start(self, start: SimTime) -> Self {
         Self { start, ..self }
     }
 

@@ -24,7 +24,7 @@ pub struct Aerodynamics {
 
 impl Aerodynamics {
     /// Centre of pressure in body FRD (m).
-    pub fn centre_of_pressure_body_m(&self) -> Vec3 {
+    pub(crate) fn centre_of_pressure_body_m(&self) -> Vec3 {
         Vec3::new(0.0, 0.0, -self.centre_of_pressure_z_m)
     }
 

@@ -110,7 +110,7 @@ impl Motion {
     }
 
     /// Velocity of a body point in NED (m/s).
-    pub fn point_velocity_ned_m_s(&self, position_body_m: Vec3) -> Vec3 {
+    pub(crate) fn point_velocity_ned_m_s(&self, position_body_m: Vec3) -> Vec3 {
         self.velocity_ned_m_s + self.ned_from_body * self.rate_body_rad_s.cross(&position_body_m)
     }
 }
@@ -161,7 +161,7 @@ impl LandingGear {
     }
 
     /// Unloaded pad of a leg, body FRD (m).
-    pub fn pad_body_m(&self, leg: usize) -> Vec3 {
+    pub(crate) fn pad_body_m(&self, leg: usize) -> Vec3 {
         let (sine, cosine) = libm::sincos(TAU * leg as f64 / self.legs().max(1) as f64);
         // Structural (r cos, r sin, z) in FRD.
         Vec3::new(self.pad_radius_m * cosine, -self.pad_radius_m * sine, -self.pad_z_m)
@@ -290,7 +290,7 @@ impl LandingGear {
 
     /// The fastest that a body on these legs can move by itself (1/s): an upper bound, at any attitude, of what a
     /// fixed step must resolve. Every pad acts with its stiffest spring and damper in every direction.
-    pub fn fastest_rate_1_s(&self, pads_body_m: &[Vec3; MAX_LEGS], body: &MassProperties) -> f64 {
+    pub(crate) fn fastest_rate_1_s(&self, pads_body_m: &[Vec3; MAX_LEGS], body: &MassProperties) -> f64 {
         let centre = body.centre_of_mass_body_m();
         // Sum of J^T J over the pads, J = (1, -r~): force of the pads per displacement of the body, and its moment.
         let mut gain = Matrix6::zeros();

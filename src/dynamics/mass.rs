@@ -367,7 +367,7 @@ impl MassModel {
     }
 
     /// Takes another share of the liquid's own inertia about the long axis that turns with the tank.
-    pub fn set_roll_inertia_factor(&mut self, factor: f64) {
+    pub(crate) fn set_roll_inertia_factor(&mut self, factor: f64) {
         self.roll_inertia_factor = factor;
     }
 

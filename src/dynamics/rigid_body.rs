@@ -108,7 +108,7 @@ impl Acceleration {
     };
 
     /// Specific force at a point fixed in the body, what an accelerometer there feels (m/s²).
-    pub fn specific_force_at(&self, position_body_m: Vec3, rate_body_rad_s: Vec3) -> Vec3 {
+    pub(crate) fn specific_force_at(&self, position_body_m: Vec3, rate_body_rad_s: Vec3) -> Vec3 {
         self.specific_force_body_m_s2
             + self.angular_body_rad_s2.cross(&position_body_m)
             + rate_body_rad_s.cross(&rate_body_rad_s.cross(&position_body_m))
@@ -181,7 +181,7 @@ pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Loa
 /// How velocities jump when the swinging engine's angles and rates do, its play being taken up or left: what the
 /// accelerations would be if the loss of relative momentum were a load for a second, with nothing else that acts in no
 /// time. `before` and `after` differ in the gimbal's motion alone; `velocity_body_m_s` is O's, in body axes.
-pub fn velocity_jump(before: &Balance, after: &Balance, velocity_body_m_s: Vec3) -> Acceleration {
+pub(crate) fn velocity_jump(before: &Balance, after: &Balance, velocity_body_m_s: Vec3) -> Acceleration {
     let [had, has] = [before, after].map(|balance| momentum(balance, velocity_body_m_s));
     // Springs, dampers and stops give nothing in no time.
     let free = after.slosh.map(|sloshing| {

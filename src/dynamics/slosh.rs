@@ -49,7 +49,7 @@ use crate::environment::atmosphere::STANDARD_GRAVITY_M_S2;
 use nalgebra::Vector2;
 
 /// Modes that can run at once.
-pub const MODES: usize = 2;
+pub(crate) const MODES: usize = 2;
 /// First zeros of the derivative of the Bessel function J1.
 const XI: [f64; MODES] = [1.841_183_781_340_659_4, 5.331_442_773_525_033];
 

@@ -6,13 +6,13 @@
 use super::Site;
 
 /// Temperature lapse of the troposphere (K/m).
-pub const LAPSE_K_M: f64 = 6.5e-3;
+pub(crate) const LAPSE_K_M: f64 = 6.5e-3;
 /// Specific gas constant of dry air (J/(kg K)).
-pub const GAS_CONSTANT_AIR_J_KG_K: f64 = 287.05287;
+pub(crate) const GAS_CONSTANT_AIR_J_KG_K: f64 = 287.05287;
 /// Standard sea-level pressure (Pa).
-pub const STANDARD_PRESSURE_PA: f64 = 101_325.0;
+pub(crate) const STANDARD_PRESSURE_PA: f64 = 101_325.0;
 /// Standard sea-level temperature (K).
-pub const STANDARD_TEMPERATURE_K: f64 = 288.15;
+pub(crate) const STANDARD_TEMPERATURE_K: f64 = 288.15;
 /// Standard gravity (m/s²); turns specific impulse into velocity too.
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
@@ -44,13 +44,13 @@ impl Atmosphere {
     }
 
     /// Static pressure at a height above the pad (Pa).
-    pub fn static_pressure_pa(&self, height_m: f64) -> f64 {
+    pub(crate) fn static_pressure_pa(&self, height_m: f64) -> f64 {
         let exponent = self.gravity_m_s2 / (GAS_CONSTANT_AIR_J_KG_K * LAPSE_K_M);
         self.pressure_pa * libm::pow(self.air_temperature_k(height_m) / self.temperature_k, exponent)
     }
 
     /// Air temperature at a height above the pad (K).
-    pub fn air_temperature_k(&self, height_m: f64) -> f64 {
+    pub(crate) fn air_temperature_k(&self, height_m: f64) -> f64 {
         self.temperature_k - LAPSE_K_M * height_m.clamp(-HEIGHT_LIMIT_M, HEIGHT_LIMIT_M)
     }
 }

@@ -13,7 +13,7 @@ impl Terrain {
     }
 
     /// Distance from a point to the ground along a direction (m); `None` when it points level or up.
-    pub fn slant_range_m(&self, position_ned_m: &Vec3, direction_ned: &Vec3) -> Option<f64> {
+    pub(crate) fn slant_range_m(&self, position_ned_m: &Vec3, direction_ned: &Vec3) -> Option<f64> {
         (direction_ned.z > 0.0).then(|| self.height_m(position_ned_m) / direction_ned.z)
     }
 }

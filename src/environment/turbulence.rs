@@ -30,7 +30,7 @@ use crate::noise::{Stream, stream};
 
 const FOOT_M: f64 = 0.3048;
 /// Height of the wind that sets the intensity (m): 20 ft.
-pub const INTENSITY_HEIGHT_M: f64 = 20.0 * FOOT_M;
+pub(crate) const INTENSITY_HEIGHT_M: f64 = 20.0 * FOOT_M;
 /// Heights for which the lengths and intensities are meant (ft).
 const VALID_FT: [f64; 2] = [10.0, 1000.0];
 

@@ -206,7 +206,7 @@ impl Wind {
     }
 
     /// From now on this wind blows on top of the scenario's (m/s).
-    pub fn add_ned_m_s(&mut self, velocity_ned_m_s: Option<Vec3>) {
+    pub(crate) fn add_ned_m_s(&mut self, velocity_ned_m_s: Option<Vec3>) {
         self.added_ned_m_s = velocity_ned_m_s;
     }
 

@@ -185,7 +185,7 @@ impl Fault {
     }
 
     /// For people: component, mode, value and unit, axis.
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let mut text = format!("{} {}", self.component.name(), self.mode.name());
         if let Some(quantity) = row(self.component, self.mode).and_then(|row| row.value) {
             text += &format!(" {} ({})", self.value.unwrap_or(quantity.default), quantity.unit);
@@ -371,7 +371,7 @@ impl Faults {
     }
 
     /// What acts now.
-    pub fn acting(&self) -> impl Iterator<Item = &Acting> {
+    pub(crate) fn acting(&self) -> impl Iterator<Item = &Acting> {
         self.running.iter().filter_map(|running| match &running.stage {
             Stage::Acting(acting) => Some(acting),
             _ => None,
@@ -390,7 +390,7 @@ impl Faults {
     }
 
     /// What becomes of a measurement.
-    pub fn spoil(&mut self, measurement: &mut Measurement) {
+    pub(crate) fn spoil(&mut self, measurement: &mut Measurement) {
         let mut acting = self
             .running
             .iter_mut()

@@ -165,7 +165,7 @@ impl NitrousVapor {
     }
 
     /// Density of the saturated vapour (kg/m³).
-    pub fn saturated_density_kg_m3(&self, temperature_k: f64) -> f64 {
+    pub(crate) fn saturated_density_kg_m3(&self, temperature_k: f64) -> f64 {
         self.saturated.at(temperature_k)[0]
     }
 

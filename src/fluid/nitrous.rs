@@ -126,7 +126,7 @@ pub struct CriticalFlow {
 
 impl Nitrous {
     /// Least pressure of the saturation table (Pa).
-    pub const LEAST_PA: f64 = 0.88e5;
+    pub(crate) const LEAST_PA: f64 = 0.88e5;
 
     /// The tables, read at the first use.
     pub fn tables() -> &'static Self {
@@ -188,7 +188,7 @@ impl Nitrous {
     }
 
     /// Liquid at a pressure and enthalpy.
-    pub fn liquid_of_enthalpy(&self, pressure_pa: f64, enthalpy_j_kg: f64) -> Liquid {
+    pub(crate) fn liquid_of_enthalpy(&self, pressure_pa: f64, enthalpy_j_kg: f64) -> Liquid {
         // dh/dT is near 2 kJ/(kg K) well below the critical point.
         self.liquid_where(pressure_pa, 2e3, |liquid| liquid.enthalpy_j_kg - enthalpy_j_kg)
     }
@@ -213,7 +213,7 @@ impl Nitrous {
     }
 
     /// Pressure (Pa) at which an isenthalp of the liquid meets the saturation line.
-    pub fn flash_pressure_pa(&self, enthalpy_j_kg: f64) -> f64 {
+    pub(crate) fn flash_pressure_pa(&self, enthalpy_j_kg: f64) -> f64 {
         self.bubble_pressure_pa(|line| line.liquid_enthalpy_j_kg - enthalpy_j_kg)
     }
 
@@ -242,7 +242,7 @@ impl Nitrous {
     }
 
     /// Density (kg/m³) and drop of enthalpy (J/kg) after an isentropic expansion.
-    pub fn expanded(&self, from: &Stagnation, to_pa: f64) -> (f64, f64) {
+    pub(crate) fn expanded(&self, from: &Stagnation, to_pa: f64) -> (f64, f64) {
         let line = self.saturation(to_pa);
         if from.entropy_j_kg_k > line.liquid_entropy_j_kg_k {
             let quality = line.quality_of_entropy(from.entropy_j_kg_k);

@@ -55,7 +55,7 @@ impl<const N: usize> Monotone<N> {
 
     /// Finds the segment of `x`, clamped to the knots. Hardly a search unless knots crowd somewhere.
     #[inline]
-    pub fn locate(&self, x: f64) -> Place {
+    pub(crate) fn locate(&self, x: f64) -> Place {
         let last = self.segments.len() - 1;
         let x = x.clamp(self.knots[0], self.knots[last + 1]);
         let mut segment = self.first[bucket(x - self.knots[0], self.density, self.first.len())] as usize;

@@ -115,7 +115,7 @@ impl<const N: usize> Table<N> {
     }
 
     /// Requires a column to rise strictly from row to row.
-    pub fn require_increasing(&self, column: usize) -> Result<(), TableError> {
+    pub(crate) fn require_increasing(&self, column: usize) -> Result<(), TableError> {
         let falls = self.rows.windows(2).find(|pair| pair[1].1[column] <= pair[0].1[column]);
         match falls {
             None => Ok(()),
@@ -124,7 +124,7 @@ impl<const N: usize> Table<N> {
     }
 
     /// Requires every value of a column to satisfy a rule, stated as a clause.
-    pub fn require(
+    pub(crate) fn require(
         &self,
         column: usize,
         rule: &'static str,
@@ -137,7 +137,12 @@ impl<const N: usize> Table<N> {
     }
 
     /// A row whose value in a column breaks a rule, stated as a clause.
-    pub fn bad_value(&self, (line, row): (usize, [f64; N]), column: usize, rule: &'static str) -> TableError {
+    pub(crate) fn bad_value(
+        &self,
+        (line, row): (usize, [f64; N]),
+        column: usize,
+        rule: &'static str,
+    ) -> TableError {
         TableError::BadValue { line, column: self.columns[column].into(), value: row[column], rule }
     }
 }

@@ -28,7 +28,7 @@ impl<const N: usize> UniformCubic<N> {
     }
 
     /// All zero on 0..1 with room for `count` nodes, to be filled by [`Self::refit`].
-    pub fn with_nodes(count: usize) -> Self {
+    pub(crate) fn with_nodes(count: usize) -> Self {
         let count = count.max(FEWEST);
         let nodes = vec![Node { value: [0.0; N], slope: [0.0; N] }; count];
         let step = 1.0 / (count - 1) as f64;
@@ -36,12 +36,12 @@ impl<const N: usize> UniformCubic<N> {
     }
 
     /// Without nodes and without allocation, to stand in for a table that is being refitted.
-    pub fn placeholder() -> Self {
+    pub(crate) fn placeholder() -> Self {
         Self { start: 0.0, step: 0.0, per_step: 0.0, nodes: Vec::new() }
     }
 
     /// Puts the nodes uniformly on `from..to` and takes the values of `row(index, x)`. No allocation.
-    pub fn refit(&mut self, from: f64, to: f64, mut row: impl FnMut(usize, f64) -> [f64; N]) {
+    pub(crate) fn refit(&mut self, from: f64, to: f64, mut row: impl FnMut(usize, f64) -> [f64; N]) {
         let last = self.nodes.len() - 1;
         self.start = from;
         self.step = (to - from) / last as f64;
@@ -75,7 +75,7 @@ impl<const N: usize> UniformCubic<N> {
 
     /// All columns and their derivatives at `x`.
     #[inline]
-    pub fn with_slope(&self, x: f64) -> ([f64; N], [f64; N]) {
+    pub(crate) fn with_slope(&self, x: f64) -> ([f64; N], [f64; N]) {
         let (i, t) = place(self.nodes.len(), (x - self.start) * self.per_step);
         let (a, b) = (&self.nodes[i], &self.nodes[i + 1]);
         let ([v0, s0, v1, s1], [dv0, ds0, dv1, ds1]) = (hermite(t), hermite_slope(t));
@@ -158,7 +158,7 @@ impl<const N: usize> UniformGrid<N> {
     }
 
     /// First and last node of the fast variable.
-    pub fn fast_span(&self) -> (f64, f64) {
+    pub(crate) fn fast_span(&self) -> (f64, f64) {
         (self.fast.start, self.fast.start + (self.fast.count - 1) as f64 / self.fast.per_step)
     }
 

@@ -97,7 +97,7 @@ impl Plant {
     }
 
     /// Whether a command asks for a running engine: armed, and above the shutdown fraction.
-    pub fn throttle_on(&self, command: &ActuatorCommand) -> bool {
+    pub(crate) fn throttle_on(&self, command: &ActuatorCommand) -> bool {
         command.armed && self.throttle_share(command.throttle) >= self.shutdown_fraction()
     }
 

@@ -148,7 +148,7 @@ impl Plant {
     ///
     /// # Errors
     /// As [`Plant::new`].
-    pub fn seeded(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
+    pub(crate) fn seeded(scenario: &Scenario, seed: u32) -> Result<Self, Invalid> {
         Self::at_step_zero(scenario, seed, SimTime::from_s(scenario.file.physics.step_s))
     }
 

@@ -107,7 +107,7 @@ state! {
 
 impl State {
     /// Everything zero and upright.
-    pub const EMPTY: Self = {
+    pub(crate) const EMPTY: Self = {
         const ZERO: Vec3 = Vec3::new(0.0, 0.0, 0.0);
         Self {
             position_ned_m: ZERO,

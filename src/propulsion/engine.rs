@@ -145,7 +145,7 @@ impl Engine {
 
     /// The same, inlined into the innermost caller: what that does not use is not computed.
     #[inline(always)]
-    pub fn operating_point_inline(
+    pub(crate) fn operating_point_inline(
         &self,
         feed: &Feed<'_>,
         valve_area_m2: f64,

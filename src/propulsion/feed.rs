@@ -90,7 +90,7 @@ pub struct Isolation {
 
 impl Isolation {
     /// Open area of throttle valve and isolation valve in series (m²), the latter open by `opened`, 0..1: the lesser.
-    pub fn limited_area_m2(&self, throttle_area_m2: f64, opened: f64) -> f64 {
+    pub(crate) fn limited_area_m2(&self, throttle_area_m2: f64, opened: f64) -> f64 {
         throttle_area_m2.min(self.area_m2 * opened.clamp(0.0, 1.0))
     }
 }

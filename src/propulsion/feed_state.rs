@@ -64,7 +64,7 @@ impl FeedState {
 
 impl FeedInput {
     /// A shut valve and no flow.
-    pub const SHUT: Self = Self {
+    pub(crate) const SHUT: Self = Self {
         valve_area_m2: 0.0,
         head_pa: 0.0,
         condition: EngineCondition {

@@ -157,12 +157,12 @@ pub struct GasProperties {
 
 impl GasProperties {
     /// Density of the gas above the liquid (kg/m³).
-    pub fn ullage_density_kg_m3(&self) -> f64 {
+    pub(crate) fn ullage_density_kg_m3(&self) -> f64 {
         (self.nitrogen.tank_kg + self.nitrogen.vapor_kg) / self.ullage_m3
     }
 
     /// Mass share of vapour in that gas.
-    pub fn vapor_share(&self) -> f64 {
+    pub(crate) fn vapor_share(&self) -> f64 {
         let NitrogenState { tank_kg, vapor_kg, .. } = self.nitrogen;
         if vapor_kg > 0.0 { vapor_kg / (tank_kg + vapor_kg) } else { 0.0 }
     }

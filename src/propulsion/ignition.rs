@@ -145,7 +145,7 @@ impl Ignition {
 
     /// Rate of the burning fraction (1/s): rises toward 1 while lit; falls with the depletion's tail when the
     /// grain is gone. The fraction itself is set to zero by whoever sees the flame go out otherwise.
-    pub fn burning_rate_1_s(&self, burning_fraction: f64, lit: bool, depletion: &Depletion) -> f64 {
+    pub(crate) fn burning_rate_1_s(&self, burning_fraction: f64, lit: bool, depletion: &Depletion) -> f64 {
         if lit {
             (1.0 - burning_fraction) / self.rise_time_constant_s
         } else {

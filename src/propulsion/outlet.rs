@@ -79,7 +79,7 @@ impl Outlet {
 
     /// Share of the mass into the chamber that is gas, at a pressure before the injector and the density there
     /// of what is no gas.
-    pub fn gas_mass_share(&self, inlet_pa: f64, liquid_kg_m3: f64) -> f64 {
+    pub(crate) fn gas_mass_share(&self, inlet_pa: f64, liquid_kg_m3: f64) -> f64 {
         let [liquid, gas] = self.masses(inlet_pa, liquid_kg_m3);
         if gas > 0.0 { gas / (liquid + gas) } else { 0.0 }
     }

@@ -118,7 +118,7 @@ impl Regulator {
     }
 
     /// Greatest outlet pressure that the regulator itself can cause, and half a bar (Pa).
-    pub fn greatest_pa(&self) -> f64 {
+    pub(crate) fn greatest_pa(&self) -> f64 {
         const MARGIN_PA: f64 = 0.5e5;
         self.set_pressure_pa + self.lockup_pa + MARGIN_PA
     }

@@ -160,7 +160,13 @@ impl ReactionControl {
 
     /// Discrete part: call once per step with the command that holds from `now` on. Returns the share of
     /// the step `now..now + dt` during which the valves of each pair are open.
-    pub fn modulate(&self, modulator: &mut Modulator, command: f64, now: SimTime, dt: SimTime) -> PairLevels {
+    pub(crate) fn modulate(
+        &self,
+        modulator: &mut Modulator,
+        command: f64,
+        now: SimTime,
+        dt: SimTime,
+    ) -> PairLevels {
         let command = if command.is_finite() { command.clamp(-1.0, 1.0) } else { 0.0 };
         let on = command.abs() > self.dead_band;
         let pair = usize::from(command > 0.0);

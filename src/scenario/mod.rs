@@ -584,7 +584,7 @@ impl Scenario {
     }
 
     /// Where the flight starts, north and east of the pad's origin (m): the origin of the autopilot's frame.
-    pub fn start_north_east_m(&self) -> [f64; 2] {
+    pub(crate) fn start_north_east_m(&self) -> [f64; 2] {
         let [north, east, _] = self.file.initial.position_ned_m;
         [north, east]
     }

@@ -40,7 +40,7 @@ impl Truth {
     }
 
     /// Velocity in NED of a point fixed to the body (m/s).
-    pub fn point_velocity_ned_m_s(&self, point_body_m: &Vec3) -> Vec3 {
+    pub(crate) fn point_velocity_ned_m_s(&self, point_body_m: &Vec3) -> Vec3 {
         self.velocity_ned_m_s + self.q_ned_from_body * self.rate_body_rad_s.cross(point_body_m)
     }
 

@@ -27,22 +27,22 @@ const NO_IGNITION_S: f64 = 10.0;
 
 /// What a flight is judged by.
 #[derive(Clone, Copy, Debug)]
-pub struct Rules {
+pub(super) struct Rules {
     /// Landing target, NED from the pad (m).
-    pub target_ned_m: Vec3,
+    pub(super) target_ned_m: Vec3,
     /// What the legs can take (m).
-    pub stroke_m: f64,
+    pub(super) stroke_m: f64,
     /// Longest mission time (s).
-    pub timeout_s: f64,
+    pub(super) timeout_s: f64,
     /// There is ground.
-    pub has_ground: bool,
+    pub(super) has_ground: bool,
     /// A schedule flies: only its duration, a crash or a fall ends the run.
-    pub scheduled: bool,
+    pub(super) scheduled: bool,
 }
 
 /// Watches one flight.
 #[derive(Clone, Debug)]
-pub struct Referee {
+pub(super) struct Referee {
     rules: Rules,
     pub(super) max_altitude_m: f64,
     pub(super) liftoff_s: Option<f64>,
@@ -87,35 +87,35 @@ impl Squares {
 
 /// What the referee is told beside the truth.
 #[derive(Clone, Copy, Debug)]
-pub struct Circumstances {
+pub(super) struct Circumstances {
     /// Whoever flies has it armed.
-    pub armed: bool,
+    pub(super) armed: bool,
     /// Whoever flies has given the mission up.
-    pub aborted: bool,
+    pub(super) aborted: bool,
     /// Whoever flies asks for thrust.
-    pub throttle: bool,
+    pub(super) throttle: bool,
     /// Time since the first flame (s).
-    pub mission_s: Option<f64>,
+    pub(super) mission_s: Option<f64>,
     /// Reference of the hover phase, NED of the pivot, while in it.
-    pub hover_reference_ned_m: Option<Vec3>,
+    pub(super) hover_reference_ned_m: Option<Vec3>,
     /// The flying autopilot's estimate less its reference in the hover phase (m), when it has a new one.
-    pub hover_control_error_ned_m: Option<Vec3>,
+    pub(super) hover_control_error_ned_m: Option<Vec3>,
     /// Time of this step (s).
-    pub dt_s: f64,
+    pub(super) dt_s: f64,
 }
 
 /// What a step reached, each once in a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Milestones {
+pub(super) struct Milestones {
     /// All pads have left the ground.
-    pub liftoff: bool,
+    pub(super) liftoff: bool,
     /// First contact after being airborne.
-    pub touchdown: bool,
+    pub(super) touchdown: bool,
 }
 
 impl Referee {
     /// For one flight.
-    pub fn new(rules: Rules) -> Self {
+    pub(super) fn new(rules: Rules) -> Self {
         Self {
             rules,
             max_altitude_m: 0.0,
@@ -132,12 +132,12 @@ impl Referee {
     }
 
     /// How the flight ended, once it has.
-    pub fn outcome(&self) -> Option<Outcome> {
+    pub(super) fn outcome(&self) -> Option<Outcome> {
         self.outcome
     }
 
     /// The hover phase, if there was one.
-    pub fn hover(&self) -> Option<Hover> {
+    pub(super) fn hover(&self) -> Option<Hover> {
         let sums = self.hover?;
         let [altitude_rms_m, lateral_rms_m] = sums.truth.rms_m()?;
         let control = sums.control.rms_m();
@@ -151,17 +151,17 @@ impl Referee {
     }
 
     /// Where the pivot was at first contact.
-    pub fn position_at_touchdown_ned_m(&self) -> Option<Vec3> {
+    pub(super) fn position_at_touchdown_ned_m(&self) -> Option<Vec3> {
         self.touchdown_ned_m
     }
 
     /// Ends the flight from outside, unless it has ended.
-    pub fn end(&mut self, outcome: Outcome) {
+    pub(super) fn end(&mut self, outcome: Outcome) {
         self.outcome.get_or_insert(outcome);
     }
 
     /// Takes in one step.
-    pub fn watch(&mut self, now: &Snapshot, is: &Circumstances) -> Milestones {
+    pub(super) fn watch(&mut self, now: &Snapshot, is: &Circumstances) -> Milestones {
         let mut reached = Milestones::default();
         let time_s = now.time.s();
         self.max_altitude_m = self.max_altitude_m.max(now.height_m);

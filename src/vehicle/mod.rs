@@ -360,7 +360,7 @@ impl GasSupply {
 
     /// Mass share of vapour in the gas above the liquid.
     #[inline]
-    pub fn vapor_share(&self) -> f64 {
+    pub(crate) fn vapor_share(&self) -> f64 {
         match self {
             Self::Distributed(_) => 0.0,
             Self::Balanced(view) => view.vapor_share(),
@@ -370,7 +370,7 @@ impl GasSupply {
     /// Shares of what thrusters and vent want (kg/s) that are there, where each takes `drain_s` at least to
     /// empty its store; 1 or above, or no number, where there is plenty.
     #[inline]
-    pub fn shares_left(&self, stores: &Stores, wanted_kg_s: [f64; 2], drain_s: f64) -> [f64; 2] {
+    pub(crate) fn shares_left(&self, stores: &Stores, wanted_kg_s: [f64; 2], drain_s: f64) -> [f64; 2] {
         let [thrusters, vent] = wanted_kg_s;
         match self {
             Self::Distributed(_) => [stores.nitrogen_kg.max(0.0) / (drain_s * (thrusters + vent)); 2],
@@ -536,7 +536,7 @@ impl Vehicle {
     }
 
     /// Takes the model choices of the seed paper, whatever the file says.
-    pub fn apply_paper_models(&mut self) {
+    pub(crate) fn apply_paper_models(&mut self) {
         self.slosh.model = SloshModel::OneWayPaper;
         self.slosh.hardening_law = HardeningLaw::PerAxis;
         self.slosh.second_mode = false;
@@ -584,7 +584,7 @@ impl Vehicle {
     }
 
     /// The gas at the start, of so much nitrogen above so much liquid; nothing where it is no state.
-    pub fn initial_gas(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> GasState {
+    pub(crate) fn initial_gas(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> GasState {
         let GasModel::Balanced(balance) = &self.gas_model else {
             return GasState::default();
         };
@@ -598,7 +598,7 @@ impl Vehicle {
 
     /// Bottle and tank, by the model that was chosen.
     #[inline]
-    pub fn gas_supply(&self, stores: &Stores, ambient_pa: f64) -> GasSupply {
+    pub(crate) fn gas_supply(&self, stores: &Stores, ambient_pa: f64) -> GasSupply {
         match &self.gas_model {
             GasModel::Distributed => {
                 let inventory = NitrogenInventory {
@@ -615,7 +615,7 @@ impl Vehicle {
 
     /// How bottle and tank change.
     #[inline]
-    pub fn gas_rate(&self, stores: &Stores, supply: &GasSupply, out: &Withdrawal) -> StoresRate {
+    pub(crate) fn gas_rate(&self, stores: &Stores, supply: &GasSupply, out: &Withdrawal) -> StoresRate {
         match (&self.gas_model, supply) {
             (GasModel::Balanced(balance), GasSupply::Balanced(view)) => balance.rate(view, out),
             _ => {
@@ -647,7 +647,7 @@ impl Vehicle {
     }
 
     /// Flow through the vent (kg/s), `opened` 0 to 1.
-    pub fn vent_kg_s(&self, supply: &GasSupply, opened: f64, ambient_pa: f64) -> f64 {
+    pub(crate) fn vent_kg_s(&self, supply: &GasSupply, opened: f64, ambient_pa: f64) -> f64 {
         if opened <= 0.0 {
             return 0.0;
         }
@@ -662,12 +662,12 @@ impl Vehicle {
     }
 
     /// Isolation valve in time.
-    pub fn isolation_stroke(&self) -> StrokeValve {
+    pub(crate) fn isolation_stroke(&self) -> StrokeValve {
         StrokeValve { stroke_time_s: self.isolation.stroke_time_s }
     }
 
     /// Vent valve in time.
-    pub fn vent_stroke(&self) -> StrokeValve {
+    pub(crate) fn vent_stroke(&self) -> StrokeValve {
         StrokeValve { stroke_time_s: self.vent.stroke_time_s }
     }
 

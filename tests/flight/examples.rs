@@ -3,10 +3,10 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // the examples read files and print
 
-#[allow(dead_code)]
+#[allow(dead_code, unreachable_pub)] // a program of its own
 #[path = "../../examples/monte_carlo.rs"]
 mod monte_carlo;
-#[allow(dead_code)]
+#[allow(dead_code, unreachable_pub)] // a program of its own
 #[path = "../../examples/own_guidance.rs"]
 mod own_guidance;
 

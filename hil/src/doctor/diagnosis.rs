@@ -22,8 +22,6 @@ const CONTROLS_LEAST_HZ: f64 = 50.0;
 const PX4_GATE_BYTES_PER_S: f64 = 5000.0;
 /// Longest MAVLink frame: what a listener that comes in half-way may lose of the first.
 const FRAME_BYTES: u64 = 280;
-/// Who the bench speaks as.
-
 /// What is wrong on a link, worst first.
 pub fn diagnose(observed: &Observation) -> Vec<Finding> {
     let mut findings = Vec::new();

@@ -48,7 +48,7 @@ pub struct CostToGo {
 
 impl CostToGo {
     /// Gradient of half the form: P (x, u).
-    pub fn gradient(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> ([f64; STATES], [f64; INPUTS]) {
+    pub(crate) fn gradient(&self, x: &[f64; STATES], u: &[f64; INPUTS]) -> ([f64; STATES], [f64; INPUTS]) {
         let state = std::array::from_fn(|i| dot(&self.state[i], x) + dot(&self.cross[i], u));
         let input = std::array::from_fn(|j| {
             dot(&self.input[j], u) + self.cross.iter().zip(x).map(|(row, x)| row[j] * x).sum::<f64>()

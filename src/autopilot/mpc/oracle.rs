@@ -24,7 +24,7 @@ pub fn solve(problem: &Problem, tolerance: f64) -> Solution {
 }
 
 /// The same with a greatest number of iterations.
-pub fn solve_within(problem: &Problem, settings: &Settings) -> Solution {
+pub(crate) fn solve_within(problem: &Problem, settings: &Settings) -> Solution {
     let Settings { iterations, tolerance } = *settings;
     let mut solution = Solution::default();
     if !problem.is_sound() {

@@ -219,7 +219,7 @@ impl Default for InputLimits {
 
 impl InputLimits {
     /// Clamps inputs that exceed the limits by rounding.
-    pub fn enforce(&self, length: usize, inputs: &mut [[f64; INPUTS]; MAX_STAGES]) {
+    pub(crate) fn enforce(&self, length: usize, inputs: &mut [[f64; INPUTS]; MAX_STAGES]) {
         let mut previous = self.previous_input;
         for k in 0..length {
             for j in 0..INPUTS {
@@ -305,7 +305,7 @@ impl Problem {
     }
 
     /// The states that the model predicts from the initial state under the inputs.
-    pub fn roll_out(
+    pub(crate) fn roll_out(
         &self,
         inputs: &[[f64; INPUTS]; MAX_STAGES],
         states: &mut [[f64; STATES]; MAX_STAGES + 1],

@@ -253,7 +253,12 @@ pub struct Policy {
 
 impl Policy {
     /// Optimal policy of one stage, given the value after it. `None`: M + S is not positive definite.
-    pub fn factorise(&mut self, model: &SparseModel, after: &ValueFunction, cost: &StageCost) -> Option<()> {
+    pub(crate) fn factorise(
+        &mut self,
+        model: &SparseModel,
+        after: &ValueFunction,
+        cost: &StageCost,
+    ) -> Option<()> {
         // P_xx B + P_xv, by rows of the state.
         let mut through = after.cross;
         let mut turned = [Row::default(); INPUTS];
@@ -303,7 +308,7 @@ impl Policy {
     }
 
     /// Carries the value from after the stage to before it, once the stage is factorised.
-    pub fn value_before(&self, model: &SparseModel, value: &mut ValueFunction, cost: &StageCost) {
+    pub(crate) fn value_before(&self, model: &SparseModel, value: &mut ValueFunction, cost: &StageCost) {
         let mut product = [Row::default(); STATES];
         model.transposed_times(&value.state, &mut product);
         let mut turned = [Row::default(); STATES];
@@ -341,7 +346,7 @@ impl Policy {
     /// Carries the gradient from after the stage to before it, given the linear costs and the weights of
     /// change.
     #[inline(always)]
-    pub fn gradient_before(
+    pub(crate) fn gradient_before(
         &mut self,
         model: &SparseModel,
         slope: &mut ValueGradient,
@@ -385,14 +390,14 @@ impl Policy {
     }
 
     /// du/dx.
-    pub fn state_feedback(&self) -> [[f64; STATES]; INPUTS] {
+    pub(crate) fn state_feedback(&self) -> [[f64; STATES]; INPUTS] {
         std::array::from_fn(|c| std::array::from_fn(|i| -self.state[c][i]))
     }
 }
 
 /// Gradient of the cost in one input, the states and inputs after it taken as they are; carries the costate.
 #[inline(always)]
-pub fn input_gradient(
+pub(crate) fn input_gradient(
     model: &SparseModel,
     costate: &mut ValueGradient,
     state: &Row,

@@ -33,7 +33,7 @@ pub enum Source {
 
 impl Source {
     /// How many there are.
-    pub const COUNT: usize = 6;
+    pub(crate) const COUNT: usize = 6;
 }
 
 /// One scalar measurement: `innovation = sensitivity · error + noise`.

@@ -414,7 +414,7 @@ impl Navigation {
     }
 
     /// How recently satellite navigation and the altimeter have aided the filter.
-    pub const fn aiding(&self) -> AidingStatus {
+    pub(crate) const fn aiding(&self) -> AidingStatus {
         self.aiding
     }
 

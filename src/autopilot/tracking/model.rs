@@ -27,11 +27,11 @@ use crate::autopilot::mpc::{INPUTS, Linear, STATES};
 use crate::frame::{Mat3, Vec3, skew};
 
 /// Radians in one unit of angle and of rate.
-pub const ANGLE_RAD: f64 = 0.1;
+pub(crate) const ANGLE_RAD: f64 = 0.1;
 /// Newtons in one unit of thrust.
 pub const THRUST_N: f64 = 1000.0;
 /// Newton metres in one unit of roll torque.
-pub const TORQUE_N_M: f64 = 10.0;
+pub(crate) const TORQUE_N_M: f64 = 10.0;
 
 /// The vehicle at one mass, as the model needs it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +72,7 @@ impl Control {
     }
 
     /// From the units of the model.
-    pub fn from_scaled(u: &[f64; INPUTS]) -> Self {
+    pub(crate) fn from_scaled(u: &[f64; INPUTS]) -> Self {
         Self {
             thrust_n: u[0] * THRUST_N,
             gimbal_rad: [u[1] * ANGLE_RAD, u[2] * ANGLE_RAD],
@@ -141,7 +141,7 @@ pub struct StageModel {
 
 /// One stage of `dt_s` about a reference attitude that turns at `rate_body_rad_s` and whose body rate changes
 /// by `rate_change_rad_s` during the stage.
-pub fn stage_model(
+pub(crate) fn stage_model(
     airframe: &Airframe,
     reference: &ThrustAttitude,
     rate_body_rad_s: Vec3,

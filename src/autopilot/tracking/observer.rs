@@ -26,7 +26,7 @@ pub struct ServoParameters {
 
 impl ServoParameters {
     /// Delay in following a slow command (s).
-    pub fn latency_s(&self) -> f64 {
+    pub(crate) fn latency_s(&self) -> f64 {
         self.delay_s + 2.0 * self.damping_ratio / self.natural_frequency_rad_s.max(1.0)
     }
 }
@@ -155,12 +155,12 @@ impl Observer {
     }
 
     /// Gimbal angles that balance the offset of the thrust line (rad).
-    pub fn trim_rad(&self, airframe: &Airframe) -> [f64; 2] {
+    pub(crate) fn trim_rad(&self, airframe: &Airframe) -> [f64; 2] {
         self.thrust_offset_m.map(|offset| -offset / airframe.lever_arm_m.max(0.05))
     }
 
     /// Body rate less the recoil of the gimbal's motion (rad/s).
-    pub fn momentum_rate(&self, airframe: &Airframe, motion: &MotionEstimate) -> Vec3 {
+    pub(crate) fn momentum_rate(&self, airframe: &Airframe, motion: &MotionEstimate) -> Vec3 {
         let [kx, ky] = airframe.recoil;
         let [x, y] = self.servos;
         motion.rate_body_rad_s - Vec3::new(kx * x.rate_rad_s, ky * y.rate_rad_s, 0.0)

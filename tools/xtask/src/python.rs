@@ -13,7 +13,7 @@ const LOCK: &str = "tests/python/requirements.lock";
 const OLDEST: (u32, u32) = (3, 10);
 
 /// The interpreter of an environment that holds what the lock file names.
-pub fn environment(root: &Path) -> Result<PathBuf, Failure> {
+pub(crate) fn environment(root: &Path) -> Result<PathBuf, Failure> {
     let system = system_python()?;
     let lock =
         fs::read_to_string(root.join(LOCK)).map_err(|error| Failure::new(format!("{LOCK}: {error}")))?;
