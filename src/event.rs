@@ -217,10 +217,10 @@ impl<'de> Deserialize<'de> for EventKind {
     }
 }
 
-/// Part of the flight that the autopilot is in.
+/// One phase of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Phase {
-    /// Standing still: attitude, biases and the local origin are being found.
+    /// At rest on the pad: attitude, biases and the local origin are being estimated.
     Align,
     /// Aligned and armed; the isolation valve opens.
     Ready,
@@ -228,26 +228,26 @@ pub enum Phase {
     Ignition,
     /// Thrust rises, lift-off, climb to the hover height.
     Ascent,
-    /// Hover, with the sideways part of the mission.
+    /// Hover, and the horizontal transfer to the landing point.
     Hover,
-    /// Fast part of the way down.
+    /// Descent from the hover to the terminal height.
     Descent,
-    /// Last metres at constant speed.
+    /// Last metres at constant speed, to contact.
     Terminal,
-    /// Contact seen, engine commanded off.
+    /// Contact detected, engine commanded off.
     Touchdown,
     /// On the ground, engine off, still armed.
     Shutdown,
     /// Disarmed.
     Done,
-    /// Mission given up: down where the vehicle is, until the last metres.
+    /// Mission given up: descent from where the vehicle is, to the terminal height.
     AbortLand,
     /// Vehicle given up: engine off.
     AbortCut,
 }
 
 impl Phase {
-    /// All of them, in the order of a flight.
+    /// All of them, in the order of a flight; the aborts last.
     pub const ALL: [Self; 12] = [
         Self::Align,
         Self::Ready,
@@ -285,32 +285,32 @@ impl Phase {
 /// Why a mission ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AbortReason {
-    /// What is left no longer than carries the vehicle down.
+    /// The propellant lasts no longer than the way down and the reserve.
     Propellant,
-    /// Tilted beyond what control commands.
+    /// Tilt beyond what control commands.
     Tilt,
-    /// Neither satellites nor altimeter.
+    /// Neither satellite fixes nor altimeter.
     Navigation,
-    /// More sideways force by the air than is allowed.
+    /// Lateral acceleration by the wind above its limit.
     Wind,
-    /// Guidance has nothing left to offer.
+    /// Guidance has no plan left that keeps its limits.
     Guidance,
-    /// The vehicle is not where the reference is.
+    /// The vehicle is too far from its reference.
     OffReference,
-    /// Tilted beyond return.
+    /// Tilt beyond recovery.
     Toppling,
-    /// About to leave the volume cleared for the flight.
+    /// The vehicle leaves the volume cleared for the flight.
     FlightVolume,
     /// Full thrust would not stop the fall before the ground.
     CannotStop,
-    /// Thrust far above the command.
+    /// Thrust far above the command while climbing.
     Runaway,
-    /// Nothing tells how the vehicle moves.
+    /// No inertial samples.
     Inertial,
 }
 
 impl AbortReason {
-    /// All of them, cuts first: of two in one step the graver counts.
+    /// All of them, cuts first: of two triggers in one step the graver decides.
     pub const ALL: [Self; 11] = [
         Self::Toppling,
         Self::FlightVolume,

@@ -82,7 +82,7 @@ pub struct Interference {
     /// Wind on top of the scenario's (m/s).
     pub wind_ned_m_s: Vec3,
     /// Disturbance on top of the scenario's.
-    pub standing: ConstantDisturbance,
+    pub disturbance: ConstantDisturbance,
 }
 
 /// What a scenario idealises.
@@ -182,9 +182,10 @@ impl Plant {
 
     /// Wind and disturbances that somebody at a bench adds: wind from the next step on, the rest from the one after.
     pub fn interfere(&mut self, interference: &Interference) {
-        let Interference { wind_ned_m_s, standing } = *interference;
+        let Interference { wind_ned_m_s, disturbance } = *interference;
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
-        self.disturbances.set_constant((standing != ConstantDisturbance::default()).then_some(standing));
+        self.disturbances
+            .set_constant((disturbance != ConstantDisturbance::default()).then_some(disturbance));
         // The evaluation at the end of the last step knows nothing of it.
         self.cached_rate = None;
     }

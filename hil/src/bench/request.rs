@@ -109,9 +109,9 @@ pub(super) fn set_parameter(run: &mut Run, parameter: &Parameter, value: f64) ->
             match *what {
                 What::WindNorth => now.wind_ned_m_s.x = value,
                 What::WindEast => now.wind_ned_m_s.y = value,
-                What::Misalignment(axis) => now.standing.misalignment_rad[axis] = value,
-                What::Force(axis) => now.standing.force_body_n[axis] = value,
-                _ => now.standing.thrust_bias = value,
+                What::Misalignment(axis) => now.disturbance.misalignment_rad[axis] = value,
+                What::Force(axis) => now.disturbance.force_body_n[axis] = value,
+                _ => now.disturbance.thrust_bias = value,
             }
             run.flight.interfere(now);
             modified(run, &format!("{name} {value}"));
@@ -141,9 +141,9 @@ pub(super) fn value_in_force(run: &Run, what: &What) -> f64 {
         What::Seed => f64::from(run.timeline.next_seed().unwrap_or_else(|| run.flight.seed())),
         What::WindNorth => interference.wind_ned_m_s.x,
         What::WindEast => interference.wind_ned_m_s.y,
-        What::ThrustBias => interference.standing.thrust_bias,
-        What::Misalignment(axis) => interference.standing.misalignment_rad[*axis],
-        What::Force(axis) => interference.standing.force_body_n[*axis],
+        What::ThrustBias => interference.disturbance.thrust_bias,
+        What::Misalignment(axis) => interference.disturbance.misalignment_rad[*axis],
+        What::Force(axis) => interference.disturbance.force_body_n[*axis],
         What::Fault(Row { component, mode, value, .. }) => run
             .flight
             .faults()
