@@ -217,7 +217,11 @@ pub fn validate(entries: &[Fault]) -> Result<(), Invalid> {
             if !names.contains(awaited) {
                 return Err(Invalid::new(
                     format!("{index}.at_event"),
-                    format!("\"{event}\" never happens; the other entries are [{}]", names.join(", ")),
+                    if names.is_empty() {
+                        format!("\"{event}\" never happens: there is no other entry")
+                    } else {
+                        format!("\"{event}\" never happens; other entries: {}", names.join(", "))
+                    },
                 ));
             }
         }
