@@ -3,7 +3,7 @@
 //! * **World**: local north-east-down (NED), origin on the pad surface.
 //! * **Body**: forward-right-down (FRD), origin at the gimbal pivot, z down the long axis toward the
 //!   nozzle. Hover is the identity attitude, leg 1 points north, thrust acts along -z.
-//! * **Structural** (vehicle files only): same origin, x toward leg 1, z toward the nose.
+//! * **Structural** (parameters of a vehicle): same origin, x toward leg 1, z toward the nose.
 //!
 //! Attitude is `q_ned_from_body`, Hamilton, scalar first where components are listed. Inertia is in
 //! the tensor convention, off-diagonal `Ixy = -Σ m x y`.

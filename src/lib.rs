@@ -9,11 +9,11 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | vocabulary | [`frame`] axes and signs, [`hash`] of bytes, [`input`] files and their faults, [`integrator`], [`interpolate`], [`noise`] named streams, [`time`] integer microseconds, [`signal`] what crosses to a flight computer, [`controls`] its sixteen channels, [`event`] what happens, by name |
+//! | vocabulary | [`frame`] axes and signs, [`hash`] of bytes, [`input`] files and what is wrong with them, [`integrator`], [`interpolate`], [`noise`] named streams, [`time`] integer microseconds, [`signal`] what crosses to a flight computer, [`controls`] its sixteen channels, [`event`] what happens, by name |
 //! | the world | [`environment`] air, wind, ground, field, place; [`fluid`] nitrous oxide and nitrogen |
 //! | subsystems | [`actuator`] servos and delays, [`disturbance`] what is off and when, [`dynamics`] mass, slosh, motion, drag, legs, [`fault`] what breaks and when, [`propulsion`] from the valve to the nozzle, [`sensor`]; they take plain values and do not import each other |
 //! | the autopilot | [`autopilot`]: navigation, optimal guidance ([`autopilot::lcvx`]), predictive control ([`autopilot::mpc`], [`autopilot::tracking`]) above cascaded loops; sees a [`signal::Measurement`], emits a [`signal::ActuatorCommand`], knows neither vehicle nor plant |
-//! | the vehicle | [`vehicle`] every parameter, checked and turned into body axes; [`scenario`] a flight as data; [`plant`] the block diagram, and what is written down of it ([`plant::column`]) |
+//! | the vehicle | [`vehicle`] every parameter, checked, in the structural frame; [`scenario`] a flight as data; [`plant`] the block diagram, and what is written down of it ([`plant::column`]) |
 //! | flights | [`simulation`] plant, sensors and autopilot on one clock, with a referee and a report |
 //!
 //! # A flight in fifteen lines

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::supply::{Supply, levels};
 use super::{Evaluation, Plant, Rate, State, motion};
 use crate::actuator::{ServoOutput, ServoState};
 use crate::disturbance::Effect;
@@ -11,11 +12,7 @@ use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, MassSta
 use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
 use crate::frame::{Mat3, Vec3, frd_from_structural, quaternion_rate};
-use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, Feed, GasIngestion, NitrogenState, OperatingPoint, Outlet,
-    Pair, PairLevels, Stores, StoresRate, ThrusterLoads, Withdrawal,
-};
-use crate::vehicle::GasSupply;
+use crate::propulsion::{NitrogenState, Pair};
 
 /// Servos and thruster valves: where they are and how fast they move.
 struct Actuators {
@@ -24,20 +21,6 @@ struct Actuators {
     gimbal: GimbalMotion,
     gimbal_rate: [Vector2<f64>; 2],
     rcs_rate: Vec3,
-}
-
-/// Feed, combustion and pressurant.
-struct Supply {
-    engine: OperatingPoint,
-    /// Open area of the oxidiser valve (m²).
-    valve_area_m2: f64,
-    gas_supply: GasSupply,
-    thrusters: ThrusterLoads,
-    vent_kg_s: f64,
-    /// Liquid in the tank, and how fast it changes.
-    nitrous_kg: f64,
-    nitrous_kg_s: f64,
-    stores_rate: StoresRate,
 }
 
 /// Mass properties, couplings held still where the scenario holds them.
@@ -56,87 +39,7 @@ struct Loads {
     contact: Contact,
 }
 
-/// A store that is nearly empty gives what it has within so long (s): a few steps, so that integration never
-/// passes zero.
-const DRAIN_S: f64 = 4e-3;
-
 impl Plant {
-    /// Conditions of the engine at a state.
-    #[inline(always)] // so that nothing is written that the engine does not read
-    pub(super) fn engine_condition(&self, state: &State) -> EngineCondition {
-        let parameters = &self.vehicle.engine_parameters;
-        let tail_s = parameters.depletion.tail_time_constant_s;
-        // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
-        // so neither store reaches zero within a step.
-        let drain_s = if self.inputs.nitrous_depleted { tail_s } else { self.drain_s() };
-        let two_phase = self.vehicle.uncovering.is_some();
-        let (outlet, inert_share) = self.outlet(state);
-        EngineCondition {
-            port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
-            throat_radius_m: state.throat_radius_m,
-            // Nitrogen among the oxidiser does not burn.
-            burning_fraction: (1.0 - inert_share) * self.burning_share(state),
-            ambient_pa: self.environment.atmosphere.pressure_pa,
-            chamber_gas: (parameters.chamber.model == ChamberModel::Filling).then_some(ChamberGas {
-                oxidizer_kg: state.chamber_oxidizer_kg,
-                fuel_kg: state.chamber_fuel_kg,
-            }),
-            fuel_flow_kg_s: (parameters.grain.fuel_flow_lag_s > 0.0 && self.paper.is_none())
-                .then(|| state.fuel_flow_kg_s.min(self.usable_fuel_kg(state) / DRAIN_S)),
-            // An outlet that uncovers limits its liquid itself.
-            oxidizer_flow_limit_kg_s: if two_phase {
-                f64::INFINITY
-            } else {
-                state.nitrous_kg.max(0.0) / drain_s
-            },
-            outlet,
-            damage: self.inputs.faults.damage(),
-        }
-    }
-
-    /// Share of the oxidiser that burns: the flame's, as far as fuel is left.
-    #[inline]
-    pub(super) fn burning_share(&self, state: &State) -> f64 {
-        let (fuel_kg, fading_kg) = (self.usable_fuel_kg(state), self.inputs.fading_fuel_kg);
-        if fuel_kg < fading_kg {
-            state.burning_fraction.min(fuel_kg / fading_kg)
-        } else {
-            state.burning_fraction
-        }
-    }
-
-    /// What an uncovered outlet draws, and the share of nitrogen in it.
-    #[inline]
-    pub(super) fn outlet(&self, state: &State) -> (Option<Outlet>, f64) {
-        match &self.vehicle.uncovering {
-            None => (None, 0.0),
-            Some(uncovering) => self.uncovered_outlet(uncovering, state),
-        }
-    }
-
-    fn uncovered_outlet(&self, uncovering: &GasIngestion, state: &State) -> (Option<Outlet>, f64) {
-        let Some([valve_gas, injector_gas]) = uncovering.gas_shares(state.nitrous_kg) else {
-            return (None, 0.0);
-        };
-        let GasSupply::Balanced(view) =
-            self.vehicle.gas_supply(&self.stores(state), self.environment.atmosphere.pressure_pa)
-        else {
-            return (None, 0.0);
-        };
-        let outlet = Outlet {
-            valve_gas,
-            injector_gas,
-            gas_pa: view.nitrogen.tank_pa,
-            gas_kg_m3: view.ullage_density_kg_m3(),
-        };
-        // The inlet pressure of the last solution: it moves by some thousandths in a step.
-        let solved_pa = self.discrete.warm_start.last.injector_inlet_pa;
-        let inlet_pa = if solved_pa > 0.0 { solved_pa } else { outlet.gas_pa };
-        let inlet = self.discrete.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
-        let gas_share = outlet.gas_mass_share(inlet_pa, inlet.state.density_kg_m3);
-        (Some(outlet), gas_share * (1.0 - view.vapor_share()))
-    }
-
     /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
     pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
         self.evaluate_inline(state, share)
@@ -146,7 +49,7 @@ impl Plant {
     #[inline(always)]
     pub(super) fn evaluate_inline(&self, state: &State, share: f64) -> Evaluation {
         let actuators = self.actuators(state);
-        let supply = self.supply(state, share, &actuators);
+        let supply = self.supply(state, share, actuators.valve.angle_rad);
         let mass = self.mass(state, &supply);
         let loads = self.loads(state, share, &actuators, &supply);
         let acceleration = self.balance(state, &actuators, &supply, &mass, &loads);
@@ -171,53 +74,6 @@ impl Plant {
         let (valve, valve_rate) = self.valve(state);
         let (gimbal, gimbal_rate) = self.gimbal(state);
         Actuators { valve, valve_rate, gimbal, gimbal_rate, rcs_rate: self.rcs_rate(state) }
-    }
-
-    /// Feed, combustion and pressurant: what leaves each store, and the thrust that it makes.
-    #[inline(always)]
-    fn supply(&self, state: &State, share: f64, actuators: &Actuators) -> Supply {
-        let vehicle = &self.vehicle;
-        let ambient_pa = self.environment.atmosphere.pressure_pa;
-        let valve_area_m2 = self.valve_area_m2(actuators.valve.angle_rad);
-        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, self.inputs.isolation);
-        let mut gas_supply = vehicle.gas_supply(&self.stores(state), ambient_pa);
-        let feed = self.discrete.feed.at(gas_supply.nitrogen().tank_pa, gas_supply.nitrogen().liquid_k);
-        let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, share);
-
-        // Within a step the tank still holds what the manifold has taken up since it began.
-        let nitrous_kg = state.nitrous_kg - stored_kg;
-        let stores = Stores { nitrous_kg, ..self.stores(state) };
-        if stored_kg != 0.0 {
-            gas_supply = vehicle.gas_supply(&stores, ambient_pa);
-        }
-        let mut thrusters = vehicle.reaction_control.loads(&levels(state), gas_supply.nitrogen().bottle_pa);
-        let mut vent_kg_s = vehicle.vent_kg_s(&gas_supply, self.inputs.vent, ambient_pa);
-        let [left, vented] = gas_supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
-        if left < 1.0 {
-            thrusters.force_body_n *= left;
-            thrusters.moment_body_n_m *= left;
-            thrusters.nitrogen_kg_s *= left;
-        }
-        if vented < 1.0 {
-            vent_kg_s *= vented;
-        }
-        let liquid_kg_s = engine.tank_kg_s - engine.outlet_gas_kg_s;
-        let out = Withdrawal {
-            liquid_kg_s,
-            gas_kg_s: vent_kg_s + engine.outlet_gas_kg_s,
-            thrusters_kg_s: thrusters.nitrogen_kg_s,
-        };
-        let stores_rate = vehicle.gas_rate(&stores, &gas_supply, &out);
-        Supply {
-            engine,
-            valve_area_m2,
-            gas_supply,
-            thrusters,
-            vent_kg_s,
-            nitrous_kg,
-            nitrous_kg_s: -(liquid_kg_s + stores_rate.evaporation_kg_s),
-            stores_rate,
-        }
     }
 
     /// Mass properties of what is on board, how fast they change, and what moving contents add to the balance of momentum.
@@ -438,45 +294,6 @@ impl Plant {
         terms
     }
 
-    /// What the engine does with this much valve area open, `share` of a step on, and what the manifold has taken
-    /// up since the step began (kg).
-    #[inline(always)]
-    fn engine_at(
-        &self,
-        feed: &Feed<'_>,
-        valve_area_m2: f64,
-        state: &State,
-        share: f64,
-    ) -> (OperatingPoint, f64) {
-        let engine = &self.vehicle.engine;
-        let (mut point, stored_kg) = match &self.paper {
-            None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, share),
-            None => {
-                let guess = self.discrete.warm_start.at(share);
-                (
-                    engine.operating_point_inline(feed, valve_area_m2, &self.engine_condition(state), guess),
-                    0.0,
-                )
-            }
-            Some(paper) => match paper.point {
-                Some(held) => return (held, 0.0),
-                None => (
-                    paper.engine.operating_point(engine, feed, valve_area_m2, &self.engine_condition(state)),
-                    0.0,
-                ),
-            },
-        };
-        let pressure_spike = &self.inputs.faults.pressure_spike;
-        point.chamber_pa += pressure_spike.chamber_pa;
-        point.thrust_n = self.inputs.disturbance.thrust_n(point.thrust_n + pressure_spike.thrust_n());
-        (point, stored_kg)
-    }
-
-    /// Time in which a nearly empty store gives what it has (s): a few steps.
-    fn drain_s(&self) -> f64 {
-        self.paper.as_ref().map_or(DRAIN_S, |paper| paper.step.s().max(DRAIN_S))
-    }
-
     /// Rate of the thruster pairs' levels.
     pub(super) fn rcs_rate(&self, state: &State) -> Vec3 {
         if self.options.ideal {
@@ -531,8 +348,4 @@ impl Plant {
 pub(super) fn slosh_states(state: &State) -> [SloshState; 2] {
     [(&state.slosh_m, &state.slosh_m_s), (&state.second_slosh_m, &state.second_slosh_m_s)]
         .map(|(m, m_s)| SloshState { displacement_body_m: m.xy(), velocity_body_m_s: m_s.xy() })
-}
-
-fn levels(state: &State) -> PairLevels {
-    PairLevels { a: state.rcs_level.x, b: state.rcs_level.y }
 }

@@ -12,7 +12,6 @@ mod cached_rate;
 pub mod column;
 mod command;
 mod continuous;
-mod discrete;
 mod discrete_state;
 mod fault;
 mod feed;
@@ -24,6 +23,8 @@ mod setup;
 pub mod signs;
 mod snapshot;
 mod state;
+mod step_end;
+mod supply;
 
 pub use snapshot::Snapshot;
 pub use state::{Rate, State};
