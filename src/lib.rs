@@ -16,6 +16,8 @@
 //! | the vehicle | [`vehicle`] every parameter, checked, in the structural frame; [`scenario`] a flight as data; [`plant`] the block diagram, and what is written down of it ([`plant::column`]) |
 //! | flights | [`simulation`] plant, sensors and autopilot on one clock, with a referee and a report |
 //!
+//! Where to add what: the last table of the README.
+//!
 //! # A flight in fifteen lines
 //!
 //! ```

@@ -9,6 +9,8 @@
 //! | what a run leaves, and aids | [`evidence`] report, certificate, pictures, campaigns; [`doctor`] what is wrong with this machine or board; [`px4`] an airframe for a vehicle; strangers to each other |
 //! | the run | [`mod@bench`]: the loop that steps the plant, its clock, hand-over, services, who watches |
 //! | the program | [`command`]: one file for each command |
+//!
+//! Where to add what: the last table of the README.
 
 // Files.
 pub mod load;

@@ -1,25 +1,26 @@
 //! The rate at the end of a step, which is the first stage of the next one unless something discrete has changed since.
 
-use super::discrete_state::{EngineWarmStart, StepInputs};
+use nalgebra::Quaternion;
+
+use super::discrete_state::{StepInputs, WarmStartPredictor};
 use super::{Plant, Rate, State};
 use crate::integrator::Integrable;
 
-/// A rate with all that it is a function of. Time, wind and the maps of the feed grid are not compared:
-/// time and wind move before the evaluation that ends a step, and whoever moves them or the grid
-/// afterwards forgets the rate.
+/// A rate and what it depends on. Not compared: time and wind, which move before the evaluation that ends a step, and
+/// [`super::SolverState`]. Whoever changes wind or feed maps afterwards drops the rate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CachedRate {
     pub(super) state: State,
     pub(super) inputs: StepInputs,
     pub(super) rate: Rate,
     /// Where the solver began: for the guard alone, since another start gives other bits.
-    pub(super) warm_start: EngineWarmStart,
+    pub(super) warm_start: WarmStartPredictor,
 }
 
 impl Plant {
     /// Keeps the rate of the present state.
     pub(super) fn cache_rate(&mut self, rate: &Rate) {
-        let (state, inputs, warm_start) = (self.state, self.inputs, self.discrete.warm_start);
+        let (state, inputs, warm_start) = (self.state, self.inputs, self.solver.warm_start);
         match &mut self.cached_rate {
             // In place: a rate is large.
             Some(cached) => {
@@ -36,7 +37,7 @@ impl Plant {
             Some(cached) if cached.state == self.state && cached.inputs == self.inputs => {
                 let CachedRate { rate, warm_start, .. } = *cached;
                 debug_assert!(
-                    self.gives_again(&rate, warm_start),
+                    self.fresh_rate_agrees(&rate, warm_start),
                     "the rate is a function of more than state and step inputs"
                 );
                 rate
@@ -46,12 +47,13 @@ impl Plant {
     }
 
     /// Whether an evaluation from a warm start gives the same rate to the bit.
-    fn gives_again(&mut self, rate: &Rate, warm_start: EngineWarmStart) -> bool {
-        let now = std::mem::replace(&mut self.discrete.warm_start, warm_start);
+    fn fresh_rate_agrees(&mut self, rate: &Rate, warm_start: WarmStartPredictor) -> bool {
+        let now = std::mem::replace(&mut self.solver.warm_start, warm_start);
         let fresh = self.rate(&self.state, 0.0);
-        self.discrete.warm_start = now;
-        let [a, b] = [rate, &fresh].map(|rate| State::EMPTY.advanced(rate, 1.0));
-        // Written so that what is not a number is the same as everything.
+        self.solver.warm_start = now;
+        let zero = State { q_ned_from_body: Quaternion::new(0.0, 0.0, 0.0, 0.0), ..State::EMPTY };
+        let [a, b] = [rate, &fresh].map(|rate| zero.advanced(rate, 1.0));
+        // Not a number counts as equal.
         !a.numbers().zip(b.numbers()).any(|(a, b)| (a - b).abs() > 0.0)
     }
 }

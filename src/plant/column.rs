@@ -1,7 +1,7 @@
 //! What is written down of a [`Snapshot`], number by number: name, unit, and where the number comes from.
 //!
-//! One list. `fly --csv` and the array of the plant on the wire are selections of it. A new number is a line here:
-//! `.csv()` puts it into the CSV table, after those above it, `.array(i)` into the array, at place `i`.
+//! One list. `fly --csv` and the array of the plant on the wire are selections of it. A number that [`Snapshot`] has is
+//! a line here: `.csv()` appends it to the CSV table. Every place of the array is taken, as many as its message has.
 
 use super::Snapshot;
 

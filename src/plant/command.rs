@@ -9,7 +9,7 @@ use crate::actuator::ServoMemory;
 use crate::dynamics::landing_gear::Grip;
 use crate::event::EventKind;
 use crate::frame::Vec3;
-use crate::propulsion::{BelowMinimum, Damage, EngineCondition, PairLevels};
+use crate::propulsion::{BelowMinimum, Damage, EngineCondition, Inverse, PairLevels};
 use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
@@ -43,14 +43,18 @@ impl Plant {
     fn move_valves(&mut self, positions: &Positions) {
         let (step_s, inputs) = (self.step.s(), &mut self.inputs);
         let isolation = self.vehicle.isolation_stroke();
-        inputs.isolation =
-            inputs.faults.isolation_after(isolation, inputs.isolation, positions.isolation_open, step_s);
+        inputs.isolation_opening = inputs.faults.isolation_after(
+            isolation,
+            inputs.isolation_opening,
+            positions.isolation_open,
+            step_s,
+        );
         let vented = if positions.vent_open { 1.0 } else { 0.0 };
-        inputs.vent = self.vehicle.vent_stroke().opening_after(inputs.vent, vented, step_s);
+        inputs.vent_opening = self.vehicle.vent_stroke().opening_after(inputs.vent_opening, vented, step_s);
         if positions.released {
             inputs.grip = Grip::Free;
         }
-        self.discrete.igniter = positions.igniter;
+        self.discrete.igniter_on = positions.igniter;
     }
 
     fn command_valve(&mut self, valve_rad: f64) {
@@ -75,7 +79,7 @@ impl Plant {
         } else {
             let modulator = &mut self.discrete.modulator;
             let opened = self.vehicle.reaction_control.modulate(modulator, roll, self.time, self.step);
-            inputs.rcs_open = inputs.faults.pairs_open(opened);
+            inputs.rcs_duty = inputs.faults.pairs_open(opened);
         }
     }
 
@@ -122,16 +126,15 @@ impl Plant {
     fn control_engine(&mut self, on: bool, throttle: Throttle) {
         let now = self.time;
         if !on {
-            self.discrete.demand = Demand { throttle, solved: None, valve_rad: 0.0, thrust_n: 0.0 };
+            self.discrete.demand = Demand { throttle, solved_at: None, valve_rad: 0.0, thrust_n: 0.0 };
             return;
         }
         let demand = &self.discrete.demand;
         let interval = self.paper.as_ref().map_or(ENGINE_CONTROL, |paper| paper.step);
-        let fresh = demand.solved.is_some_and(|at| now.since(at) < interval);
+        let fresh = demand.solved_at.is_some_and(|at| now.since(at) < interval);
         if fresh && demand.throttle == throttle {
             return;
         }
-        let engine = &self.vehicle.engine;
         // The demand is for the burning engine, whatever the flame is doing now.
         let condition = EngineCondition {
             burning_fraction: 1.0,
@@ -143,44 +146,52 @@ impl Plant {
         let hold = self.vehicle.engine_parameters.ignition.below_minimum == BelowMinimum::Hold
             && !self.options.open_loop;
         let least_n = if hold { self.vehicle.rating.thrust_command_min_n } else { 0.0 };
-        let feed = &self.feed_in(&self.state);
         let (valve_rad, thrust_n, saturated) = match throttle {
             Throttle::ThrustN(thrust_n) => {
-                let inverse = match &self.paper {
-                    None => {
-                        engine.inverse(feed, thrust_n.max(least_n), &condition, self.discrete.warm_start.last)
-                    }
-                    Some(paper) => paper.engine.inverse(engine, feed, thrust_n.max(least_n), &condition),
-                };
-                (inverse.valve_rad, thrust_n.max(least_n), inverse.saturated)
+                let thrust_n = thrust_n.max(least_n);
+                let inverse = self.inverse(thrust_n, &condition);
+                (inverse.valve_rad, thrust_n, inverse.saturated)
             }
             Throttle::ValveRad(valve_rad) => {
                 let valve_rad = valve_rad.min(self.vehicle.valve_servo.upper_rad);
-                let area_m2 = engine.valve_area().area_m2(valve_rad);
-                let point = match &self.paper {
-                    None => engine.operating_point(feed, area_m2, &condition, self.discrete.warm_start.last),
-                    Some(paper) => paper.engine.operating_point(engine, feed, area_m2, &condition),
-                };
+                let thrust_at_angle_n = self.thrust_n(valve_rad, &condition);
                 // Thrust rises with the angle, so the minimum is solved for only where it is undercut.
-                if point.thrust_n < least_n {
-                    let at_minimum = match &self.paper {
-                        None => engine.inverse(feed, least_n, &condition, self.discrete.warm_start.last),
-                        Some(paper) => paper.engine.inverse(engine, feed, least_n, &condition),
-                    };
+                if thrust_at_angle_n < least_n {
+                    let at_minimum = self.inverse(least_n, &condition);
                     (at_minimum.valve_rad, least_n, at_minimum.saturated)
                 } else {
-                    (valve_rad, point.thrust_n, false)
+                    (valve_rad, thrust_at_angle_n, false)
                 }
             }
         };
         if saturated && thrust_n > 0.0 {
             // Once per excursion: a demand that rides the limit is one.
-            if self.discrete.saturated.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
+            if self.discrete.last_saturation.is_none_or(|last| now.since(last) > SATURATION_MEMORY) {
                 self.note(EventKind::Saturated, format!("{thrust_n:.0} N asked for"));
             }
-            self.discrete.saturated = Some(now);
+            self.discrete.last_saturation = Some(now);
         }
         let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
-        self.discrete.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
+        self.discrete.demand = Demand { throttle, solved_at: Some(now), valve_rad, thrust_n };
+    }
+
+    /// Valve angle for a thrust (N), by the engine model that the plant flies.
+    fn inverse(&self, thrust_n: f64, condition: &EngineCondition) -> Inverse {
+        let (engine, feed) = (&self.vehicle.engine, &self.feed_in(&self.state));
+        match &self.paper {
+            None => engine.inverse(feed, thrust_n, condition, self.solver.warm_start.last),
+            Some(paper) => paper.engine.inverse(engine, feed, thrust_n, condition),
+        }
+    }
+
+    /// Thrust at a valve angle (N), by the same model.
+    fn thrust_n(&self, valve_rad: f64, condition: &EngineCondition) -> f64 {
+        let (engine, feed) = (&self.vehicle.engine, &self.feed_in(&self.state));
+        let area_m2 = engine.valve_area().area_m2(valve_rad);
+        let point = match &self.paper {
+            None => engine.operating_point(feed, area_m2, condition, self.solver.warm_start.last),
+            Some(paper) => paper.engine.operating_point(engine, feed, area_m2, condition),
+        };
+        point.thrust_n
     }
 }

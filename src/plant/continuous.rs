@@ -1,10 +1,10 @@
-//! The continuous part of the plant: the rate of its state, once per stage of the integrator. Pure.
+//! The continuous part of the plant: forces, flows and the rate of its state, once per stage of the integrator. Pure.
 
 use nalgebra::Vector2;
 
 use super::supply::{Supply, levels};
 use super::{Evaluation, Plant, Rate, State, motion};
-use crate::actuator::{ServoOutput, ServoState};
+use crate::actuator::{ServoOutput, ServoRate, ServoState};
 use crate::disturbance::Effect;
 use crate::dynamics::Load;
 use crate::dynamics::landing_gear::{Contact, Motion};
@@ -17,15 +17,22 @@ use crate::propulsion::{NitrogenState, Pair};
 /// Servos and thruster valves: where they are and how fast they move.
 struct Actuators {
     valve: ServoOutput,
-    valve_rate: ServoState,
+    valve_rate: ServoRate,
     gimbal: GimbalMotion,
-    gimbal_rate: [Vector2<f64>; 2],
-    rcs_rate: Vec3,
+    gimbal_rate: GimbalRate,
+    rcs_level_rate: Vec3,
+}
+
+/// Time derivative of the gimbal servos' angles and rates.
+#[derive(Default)]
+pub(super) struct GimbalRate {
+    pub(super) rate_rad_s: Vector2<f64>,
+    pub(super) acceleration_rad_s2: Vector2<f64>,
 }
 
 /// Mass properties, couplings held still where the scenario holds them.
 struct Mass {
-    of: MassState,
+    properties: MassState,
     flow: FlowTerms,
     port_radius_m_s: f64,
 }
@@ -40,18 +47,18 @@ struct Loads {
 }
 
 impl Plant {
-    /// The continuous part at a state, `share` of a step after the step's beginning. Pure.
-    pub fn evaluate(&self, state: &State, share: f64) -> Evaluation {
-        self.evaluate_inline(state, share)
+    /// The continuous part at a state, `step_fraction` of a step after the step's beginning. Pure.
+    pub fn evaluate(&self, state: &State, step_fraction: f64) -> Evaluation {
+        self.evaluate_inline(state, step_fraction)
     }
 
-    /// The same for the steps themselves, which compute nothing of it that they do not use: the block diagram.
+    /// The block diagram, inlined into each caller, so that a stage computes only what it uses.
     #[inline(always)]
-    pub(super) fn evaluate_inline(&self, state: &State, share: f64) -> Evaluation {
+    pub(super) fn evaluate_inline(&self, state: &State, step_fraction: f64) -> Evaluation {
         let actuators = self.actuators(state);
-        let supply = self.supply(state, share, actuators.valve.angle_rad);
+        let supply = self.supply(state, step_fraction, actuators.valve.angle_rad);
         let mass = self.mass(state, &supply);
-        let loads = self.loads(state, share, &actuators, &supply);
+        let loads = self.loads(state, step_fraction, &actuators, &supply);
         let acceleration = self.balance(state, &actuators, &supply, &mass, &loads);
         Evaluation {
             rate: self.state_rate(state, &actuators, &supply, &mass, &loads, &acceleration),
@@ -60,7 +67,7 @@ impl Plant {
             valve_area_m2: supply.valve_area_m2,
             gimbal_rad: actuators.gimbal.angle_rad,
             pressurant: *supply.gas_supply.nitrogen(),
-            mass: mass.of.vehicle,
+            mass: mass.properties.vehicle,
             acceleration,
             contact: loads.contact,
             wind_ned_m_s: loads.wind_ned_m_s,
@@ -73,7 +80,7 @@ impl Plant {
     fn actuators(&self, state: &State) -> Actuators {
         let (valve, valve_rate) = self.valve(state);
         let (gimbal, gimbal_rate) = self.gimbal(state);
-        Actuators { valve, valve_rate, gimbal, gimbal_rate, rcs_rate: self.rcs_rate(state) }
+        Actuators { valve, valve_rate, gimbal, gimbal_rate, rcs_level_rate: self.rcs_level_rate(state) }
     }
 
     /// Mass properties of what is on board, how fast they change, and what moving contents add to the balance of momentum.
@@ -82,7 +89,7 @@ impl Plant {
         let Supply { engine, nitrous_kg, stores_rate, .. } = supply;
         let port_radius_m_s = match self.frozen.port_radius_m {
             None => engine.regression_rate_m_s,
-            // The real port goes on giving the fuel that burns.
+            // The engine sees the frozen port, the mass model the real one: its growth follows from the fuel burnt.
             Some(_) => {
                 let grain = &self.vehicle.engine_parameters.grain;
                 engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
@@ -90,7 +97,7 @@ impl Plant {
         };
         let (contents, run_tank_kg_s) =
             self.contents(state, *nitrous_kg, supply.gas_supply.nitrogen(), stores_rate.run_tank_kg_s);
-        let mut of = self.vehicle.mass.evaluate(
+        let mut properties = self.vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
                 nitrous_kg_s: supply.nitrous_kg_s,
@@ -99,21 +106,24 @@ impl Plant {
                 nitrogen_bottle_kg_s: stores_rate.total_kg_s - run_tank_kg_s,
             },
         );
-        self.frozen.hold(&mut of);
+        self.frozen.hold(&mut properties);
         // The paper's rigid body has neither jet damping nor a moving centre of mass.
-        let flow =
-            if self.paper.is_some() { FlowTerms::none() } else { self.flow_terms(state, &of.rate, supply) };
-        Mass { of, flow, port_radius_m_s }
+        let flow = if self.paper.is_some() {
+            FlowTerms::none()
+        } else {
+            self.flow_terms(state, &properties.rate, supply)
+        };
+        Mass { properties, flow, port_radius_m_s }
     }
 
     /// Forces and moments from outside: thrust, thrusters, drag, legs, disturbances.
     #[inline(always)]
-    fn loads(&self, state: &State, share: f64, actuators: &Actuators, supply: &Supply) -> Loads {
+    fn loads(&self, state: &State, step_fraction: f64, actuators: &Actuators, supply: &Supply) -> Loads {
         let (vehicle, inputs, atmosphere) = (&self.vehicle, &self.inputs, &self.environment.atmosphere);
         let motion = motion(state);
         let body_from_ned = motion.ned_from_body.transpose();
         let wind_ned_m_s =
-            self.environment.wind.velocity_ned_m_s(self.mission_s_at(share), -state.position_ned_m.z);
+            self.environment.wind.velocity_ned_m_s(self.mission_s_at(step_fraction), -state.position_ned_m.z);
         let airspeed_body_m_s = body_from_ned * (state.velocity_ned_m_s - wind_ned_m_s);
         let drag = vehicle.aero.drag(atmosphere.density_kg_m3, airspeed_body_m_s, state.rate_body_rad_s);
         let contact = if self.options.ground {
@@ -154,19 +164,19 @@ impl Plant {
     ) -> Acceleration {
         let vehicle = &self.vehicle;
         let gravity_body_m_s2 = || loads.body_from_ned * self.environment.gravity.acceleration_ned_m_s2();
-        // A stand carries what the other forces leave: the liquid feels gravity alone.
+        // On a stand the liquid feels gravity alone.
         let axial_m_s2 = if self.options.clamped {
             gravity_body_m_s2().z
         } else {
-            -loads.total.force_body_n.z / mass.of.vehicle.mass_kg
+            -loads.total.force_body_n.z / mass.properties.vehicle.mass_kg
         };
         let (tank, density_kg_m3) = (vehicle.mass.tank(), vehicle.nitrous_density_kg_m3);
         let modes = vehicle.slosh.modes(tank, supply.nitrous_kg, density_kg_m3, axial_m_s2);
         let slosh_states = slosh_states(state);
         let sloshing = |n: usize| modes[n].as_ref().map(|mode| (mode, &slosh_states[n]));
-        let swing = Swing { part: &mass.of.swinging, gimbal: actuators.gimbal };
+        let swing = Swing { part: &mass.properties.swinging, gimbal: actuators.gimbal };
         let balance = Balance {
-            vehicle: &mass.of.vehicle,
+            vehicle: &mass.properties.vehicle,
             flow: &mass.flow,
             rate_body_rad_s: state.rate_body_rad_s,
             load: loads.total,
@@ -228,11 +238,11 @@ impl Plant {
                 self.inputs.lit,
                 &parameters.depletion,
             ),
-            valve_rad: actuators.valve_rate.angle_rad,
-            valve_rad_s: actuators.valve_rate.rate_rad_s,
-            gimbal_rad: lateral(actuators.gimbal_rate[0]),
-            gimbal_rad_s: lateral(actuators.gimbal_rate[1]),
-            rcs_level: actuators.rcs_rate,
+            valve_rad: actuators.valve_rate.rate_rad_s,
+            valve_rad_s: actuators.valve_rate.acceleration_rad_s2,
+            gimbal_rad: lateral(actuators.gimbal_rate.rate_rad_s),
+            gimbal_rad_s: lateral(actuators.gimbal_rate.acceleration_rad_s2),
+            rcs_level: actuators.rcs_level_rate,
             expelled_nozzle_kg: engine.nozzle_kg_s,
             expelled_rcs_kg: supply.thrusters.nitrogen_kg_s,
             expelled_vent_kg: supply.vent_kg_s,
@@ -243,8 +253,8 @@ impl Plant {
         }
     }
 
-    /// What the vehicle holds, with so much liquid in the tank (kg), and how fast gas comes into the tank (kg/s) where
-    /// nothing is frozen at `transfer_kg_s`.
+    /// Contents for the mass model with so much liquid in the tank (kg), frozen couplings applied, and the flow of gas
+    /// into the run tank (kg/s), `transfer_kg_s` where nothing is frozen.
     #[inline(always)]
     pub(super) fn contents(
         &self,
@@ -275,12 +285,15 @@ impl Plant {
             Pair::B => levels.b,
         };
         let outflow = |position_body_m, mass_flow_kg_s| Outflow { position_body_m, mass_flow_kg_s };
-        // The gas in manifold and chamber is in no mass property: what leaves liquid and grain leaves the vehicle. With
-        // the nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
-        let burnt_kg_s = supply.engine.tank_kg_s + supply.engine.fuel_kg_s;
+        // Gas in manifold and chamber has no mass in the model: what leaves tank and grain leaves the vehicle. With the
+        // nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
+        let from_tank_and_grain_kg_s = supply.engine.tank_kg_s + supply.engine.fuel_kg_s;
         let mut terms = FlowTerms::new(
             rate,
-            &[outflow(self.outlets.nozzle, burnt_kg_s), outflow(self.outlets.vent, supply.vent_kg_s)],
+            &[
+                outflow(self.exit_points.nozzle, from_tank_and_grain_kg_s),
+                outflow(self.exit_points.vent, supply.vent_kg_s),
+            ],
         );
         let thrusters_kg_s = supply.thrusters.nitrogen_kg_s;
         if thrusters_kg_s > 0.0 {
@@ -295,33 +308,33 @@ impl Plant {
     }
 
     /// Rate of the thruster pairs' levels.
-    pub(super) fn rcs_rate(&self, state: &State) -> Vec3 {
+    pub(super) fn rcs_level_rate(&self, state: &State) -> Vec3 {
         if self.options.ideal {
             return Vec3::zeros();
         }
-        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.inputs.rcs_open);
+        let rate = self.vehicle.reaction_control.rate(&levels(state), &self.inputs.rcs_duty);
         Vec3::new(rate.a, rate.b, 0.0)
     }
 
     /// The oxidiser valve behind its play, and the rate of its servo.
-    pub(super) fn valve(&self, state: &State) -> (ServoOutput, ServoState) {
+    pub(super) fn valve(&self, state: &State) -> (ServoOutput, ServoRate) {
         if self.options.ideal {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
-            return (output, ServoState::default());
+            return (output, ServoRate::default());
         }
         let servo = &self.inputs.faults.valve_servo;
         let at = ServoState { angle_rad: state.valve_rad, rate_rad_s: state.valve_rad_s };
         let memory = &self.inputs.valve_memory;
         let rate = servo.rate(&at, self.inputs.valve_command_rad, memory);
         let output = servo.output(&at, &rate, memory);
-        (output, ServoState { angle_rad: rate.rate_rad_s, rate_rad_s: rate.acceleration_rad_s2 })
+        (output, rate)
     }
 
     /// Gimbal behind its play, and the rates of angles and rates of its servos.
-    pub(super) fn gimbal(&self, state: &State) -> (GimbalMotion, [Vector2<f64>; 2]) {
+    pub(super) fn gimbal(&self, state: &State) -> (GimbalMotion, GimbalRate) {
         if self.options.ideal_gimbal {
             let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };
-            return (motion, [Vector2::zeros(); 2]);
+            return (motion, GimbalRate::default());
         }
         let axis = |axis: usize| {
             let servo = &self.inputs.faults.gimbal_servo[axis];
@@ -336,11 +349,11 @@ impl Plant {
             rate_rad_s: Vector2::new(x.rate_rad_s, y.rate_rad_s),
             acceleration_rad_s2: Vector2::new(x.acceleration_rad_s2, y.acceleration_rad_s2),
         };
-        let rates = [
-            Vector2::new(x_rate.rate_rad_s, y_rate.rate_rad_s),
-            Vector2::new(x_rate.acceleration_rad_s2, y_rate.acceleration_rad_s2),
-        ];
-        (motion, rates)
+        let rate = GimbalRate {
+            rate_rad_s: Vector2::new(x_rate.rate_rad_s, y_rate.rate_rad_s),
+            acceleration_rad_s2: Vector2::new(x_rate.acceleration_rad_s2, y_rate.acceleration_rad_s2),
+        };
+        (motion, rate)
     }
 }
 

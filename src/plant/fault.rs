@@ -32,7 +32,7 @@ pub(super) struct FaultState {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FaultMemory {
     /// Gas above the liquid that a regulator has let in (kg).
-    shut_in_kg: f64,
+    trapped_nitrogen_kg: f64,
     /// Oxidiser that waits in the cold chamber for a flame (kg).
     pool_kg: f64,
 }
@@ -78,7 +78,7 @@ impl FaultState {
         stroke.opening_after(opening, if open { 1.0 } else { 0.0 }, step_s)
     }
 
-    /// Shares of the step in which the thruster pairs pass gas, of those in which they are opened.
+    /// Duty of the thruster pairs, dead and leaking valves taken into account.
     pub(super) fn pairs_open(&self, opened: PairLevels) -> PairLevels {
         let [positive, negative] = &self.effect.rcs;
         let passes = |opened: f64, thruster: &ThrusterEffect| {
@@ -109,7 +109,7 @@ fn with_fault(sound: &Servo, effect: &ServoEffect) -> Servo {
 }
 
 impl Plant {
-    /// Replaces what is broken.
+    /// Sets the faults in force.
     pub fn set_faults(&mut self, effect: &PlantEffect) {
         if self.inputs.faults.effect == *effect {
             return;
@@ -172,12 +172,13 @@ impl Plant {
         let FaultState { effect, sag_pa, .. } = self.inputs.faults;
         let droop_pa = effect.regulator_droop_pa;
         // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on letting out.
-        let shut_in_kg = &mut self.discrete.fault_memory.shut_in_kg;
-        if droop_pa <= sag_pa || *shut_in_kg <= 0.0 {
-            *shut_in_kg = now.pressurant.tank_kg;
+        let trapped_nitrogen_kg = &mut self.discrete.fault_memory.trapped_nitrogen_kg;
+        if droop_pa <= sag_pa || *trapped_nitrogen_kg <= 0.0 {
+            *trapped_nitrogen_kg = now.pressurant.tank_kg;
         } else {
             let vented_kg_s = now.rate.expelled_vent_kg - now.rate.vented_vapor_kg;
-            *shut_in_kg = (*shut_in_kg - vented_kg_s * self.step.s()).max(f64::MIN_POSITIVE);
+            *trapped_nitrogen_kg =
+                (*trapped_nitrogen_kg - vented_kg_s * self.step.s()).max(f64::MIN_POSITIVE);
         }
         if droop_pa == sag_pa {
             return;
@@ -187,9 +188,11 @@ impl Plant {
             GasModel::Balanced(_) => droop_pa,
             GasModel::Distributed if droop_pa > sag_pa => {
                 let room_m3 = self.vehicle.ullage_m3(self.state.nitrous_kg);
-                let shut_in_kg_m3 = self.discrete.fault_memory.shut_in_kg / room_m3.max(f64::MIN_POSITIVE);
-                let shut_in_pa = self.vehicle.pressurant_gas.ullage.pressure_pa(shut_in_kg_m3);
-                (regulator.set_pressure_pa - shut_in_pa).clamp(sag_pa, droop_pa)
+                let trapped_nitrogen_kg_m3 =
+                    self.discrete.fault_memory.trapped_nitrogen_kg / room_m3.max(f64::MIN_POSITIVE);
+                let trapped_nitrogen_pa =
+                    self.vehicle.pressurant_gas.ullage.pressure_pa(trapped_nitrogen_kg_m3);
+                (regulator.set_pressure_pa - trapped_nitrogen_pa).clamp(sag_pa, droop_pa)
             }
             GasModel::Distributed => {
                 let left = libm::exp(-self.step.s() / regulator.response_time_s);

@@ -34,7 +34,7 @@ impl Frozen {
         }
     }
 
-    /// Where the gas is said to be (run tank, bottle; kg) and how fast it comes into the tank (kg/s).
+    /// Nitrogen in run tank and bottle as the mass model sees it (kg), and its flow into the tank (kg/s).
     pub(super) fn nitrogen(&self, real: &NitrogenState, transfer_kg_s: f64) -> (f64, f64, f64) {
         let real_kg = real.tank_kg + real.vapor_kg;
         match self.run_tank_kg {

@@ -3,7 +3,9 @@
 //! [`Plant::step`] is the block diagram. [`Plant::evaluate`] is its continuous part, pure, called once
 //! per stage of the integrator: servos, feed and combustion, mass, loads, balance of momentum. Whatever
 //! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
-//! isolation and vent valves, contact anchors, pulses of the thrusters, events.
+//! isolation and vent valves, contact anchors, pulses of the thrusters, events (`step_end.rs`). The rate of the state is
+//! a function of the state and of `StepInputs` (`discrete_state.rs`); forces are summed in `Plant::loads`
+//! (`continuous.rs`).
 //!
 //! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings held still for
 //! studies (`freeze.rs`).
@@ -48,7 +50,7 @@ use crate::time::SimTime;
 use crate::vehicle::Vehicle;
 
 use cached_rate::CachedRate;
-use discrete_state::{DiscreteState, StepInputs};
+use discrete_state::{DiscreteState, SolverState, StepInputs};
 use freeze::Frozen;
 use paper::Paper;
 use sequence::Sequence;
@@ -59,13 +61,16 @@ pub struct Plant {
     environment: Environment,
     options: Options,
     pads_body_m: [Vec3; MAX_LEGS],
-    outlets: Outlets,
+    exit_points: ExitPoints,
     rest_height_m: f64,
     step: SimTime,
     time: SimTime,
     state: State,
-    /// What is discrete and read by the rate of the state, and what is not read by it.
+    /// Discrete, read by the rate of the state.
     inputs: StepInputs,
+    /// What solvers carry from step to step.
+    solver: SolverState,
+    /// Discrete, read by no stage of the integrator.
     discrete: DiscreteState,
     disturbances: Disturbances,
     sequence: Sequence,
@@ -86,7 +91,7 @@ pub struct Interference {
     pub disturbance: ConstantDisturbance,
 }
 
-/// What a scenario idealises.
+/// How a scenario runs the plant: place, idealised actuators, integrator.
 #[derive(Clone, Copy, Debug)]
 struct Options {
     /// There is ground to stand on.
@@ -104,7 +109,7 @@ struct Options {
 
 /// Where mass leaves, body FRD (m).
 #[derive(Clone, Copy, Debug)]
-struct Outlets {
+struct ExitPoints {
     nozzle: Vec3,
     vent: Vec3,
 }
@@ -159,21 +164,9 @@ impl Plant {
             self.step_paper(command);
         } else {
             self.latch_commands(command);
-            self.begin_feed();
-            let dt_s = self.step.s();
-            let first = self.first_rate();
-            match self.options.integrator {
-                IntegratorKind::Rk4 => {
-                    let before = self.state;
-                    self.state = rk4_step_from(&before, &first, dt_s, |state, share| self.rate(state, share));
-                    // The radius that the burnt fuel leaves: that of the integrator, and mass is kept to round-off,
-                    // where a square integrated through its root would leave the error of the method.
-                    let burnt_kg = self.state.burnt_kg - before.burnt_kg;
-                    self.state.port_radius_m = self.port_radius_after_burning_m(&before, burnt_kg);
-                }
-                IntegratorKind::Euler => self.state = self.state.advanced(&first, dt_s),
-            }
-            self.end_feed();
+            self.latch_feed_inputs();
+            self.integrate();
+            self.advance_feed();
             self.state.q_ned_from_body.normalize_mut();
         }
         self.time = self.time + self.step;
@@ -181,7 +174,7 @@ impl Plant {
         self.finish_step();
     }
 
-    /// Wind and disturbances that somebody at a bench adds: wind from the next step on, the rest from the one after.
+    /// Sets wind and disturbance from the bench. Wind acts in the next step, the disturbance one step later.
     pub fn interfere(&mut self, interference: &Interference) {
         let Interference { wind_ned_m_s, disturbance } = *interference;
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
@@ -191,10 +184,28 @@ impl Plant {
         self.cached_rate = None;
     }
 
+    /// The continuous state over one step.
+    #[inline]
+    fn integrate(&mut self) {
+        let dt_s = self.step.s();
+        let first = self.first_rate();
+        match self.options.integrator {
+            IntegratorKind::Rk4 => {
+                let before = self.state;
+                self.state = rk4_step_from(&before, &first, dt_s, |state, at| self.rate(state, at));
+                // The port radius follows from the burnt mass, so fuel is conserved to round-off; integrated by itself
+                // it would leave the error of the method in its square.
+                let burnt_kg = self.state.burnt_kg - before.burnt_kg;
+                self.state.port_radius_m = self.port_radius_after_burning_m(&before, burnt_kg);
+            }
+            IntegratorKind::Euler => self.state = self.state.advanced(&first, dt_s),
+        }
+    }
+
     /// The rate alone: what else an evaluation finds need not be stored.
     #[inline(never)]
-    fn rate(&self, state: &State, share: f64) -> Rate {
-        self.evaluate_inline(state, share).rate
+    fn rate(&self, state: &State, step_fraction: f64) -> Rate {
+        self.evaluate_inline(state, step_fraction).rate
     }
 
     pub(super) fn note(&mut self, kind: EventKind, detail: String) {
@@ -214,16 +225,17 @@ impl Plant {
         grain.port_radius_of_fuel_m(grain.fuel_kg(state.port_radius_m) - burnt_kg).max(state.port_radius_m)
     }
 
-    pub(super) fn mission_s_at(&self, share: f64) -> f64 {
-        match self.inputs.ignition {
-            Some(ignition) => self.time.since(ignition).s() + share * self.step.s(),
+    /// Mission time at a fraction of the step (s); -1 before ignition, when no gust blows.
+    pub(super) fn mission_s_at(&self, step_fraction: f64) -> f64 {
+        match self.inputs.ignition_time {
+            Some(ignition) => self.time.since(ignition).s() + step_fraction * self.step.s(),
             None => -1.0,
         }
     }
 
     /// Time since ignition (s).
     pub fn mission_s(&self) -> Option<f64> {
-        self.inputs.ignition.map(|ignition| self.time.since(ignition).s())
+        self.inputs.ignition_time.map(|ignition| self.time.since(ignition).s())
     }
 
     /// Run time.

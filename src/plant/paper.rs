@@ -135,11 +135,11 @@ impl Plant {
         let (_, gimbal) = self.gimbal(&self.state);
         let lateral = |v: nalgebra::Vector2<f64>| Vec3::new(v.x, v.y, 0.0);
         Rate {
-            valve_rad: valve.angle_rad,
-            valve_rad_s: valve.rate_rad_s,
-            gimbal_rad: lateral(gimbal[0]),
-            gimbal_rad_s: lateral(gimbal[1]),
-            rcs_level: self.rcs_rate(&self.state),
+            valve_rad: valve.rate_rad_s,
+            valve_rad_s: valve.acceleration_rad_s2,
+            gimbal_rad: lateral(gimbal.rate_rad_s),
+            gimbal_rad_s: lateral(gimbal.acceleration_rad_s2),
+            rcs_level: self.rcs_level_rate(&self.state),
             ..held
         }
     }

@@ -1,13 +1,14 @@
-//! The plant at step 0: on its legs, or in the air with the engine steady.
+//! The plant at step 0: on its legs, or in the air with the engine steady; and whether the fixed step resolves
+//! chamber, drag and legs.
 
 use nalgebra::{Quaternion, Vector2};
 
-use super::discrete_state::{Demand, DiscreteState, EngineWarmStart, FeedStart, StepInputs};
+use super::discrete_state::{Demand, DiscreteState, FeedStart, SolverState, StepInputs, WarmStartPredictor};
 use super::fault::{FaultMemory, FaultState};
 use super::freeze::Frozen;
 use super::paper::Paper;
 use super::sequence::Sequence;
-use super::{Options, Outlets, Plant, Snapshot, State, motion};
+use super::{ExitPoints, Options, Plant, Snapshot, State, motion};
 use crate::actuator::{DelayLine, ServoMemory};
 use crate::disturbance::{Disturbances, Effect};
 use crate::dynamics::landing_gear::{Anchors, Grip};
@@ -23,13 +24,13 @@ use crate::signal::{ActuatorCommand, Throttle};
 use crate::time::SimTime;
 
 /// Airspeed up to which drag must be sound (m/s): Mach 0.3, where its model ends.
-const SOUND_AIRSPEED_M_S: f64 = 100.0;
+const CHECKED_AIRSPEED_M_S: f64 = 100.0;
 
 /// Step at which a vehicle must be sound (s): that of every flight but studies of the step itself.
-const SOUND_STEP_S: f64 = 1e-3;
+const CHECKED_STEP_S: f64 = 1e-3;
 
 impl Plant {
-    /// The same with another step, to see what the integration contributes.
+    /// As [`Plant::new`], with another length of the step: for convergence studies.
     ///
     /// # Errors
     /// As [`Plant::new`].
@@ -52,7 +53,7 @@ impl Plant {
             environment,
             options,
             pads_body_m: vehicle.landing_gear.pads_body_m(),
-            outlets: Outlets {
+            exit_points: ExitPoints {
                 nozzle: Vec3::new(0.0, 0.0, -vehicle.engine_parameters.nozzle.exit_z_m),
                 vent: Vec3::new(0.0, 0.0, -(vehicle.tank.floor_z_m + vehicle.tank.length_m)),
             },
@@ -61,7 +62,8 @@ impl Plant {
             time: SimTime::ZERO,
             state,
             inputs: StepInputs::at_step_zero(scenario, &options, state.nitrous_kg),
-            discrete: DiscreteState::at_step_zero(scenario, feed, step),
+            solver: SolverState::at_step_zero(feed),
+            discrete: DiscreteState::at_step_zero(scenario, step),
             disturbances: Disturbances::new(&scenario.file.disturbance, seed),
             sequence: Sequence::new(scenario, vehicle.hold_down.release_time_s),
             events: Vec::new(),
@@ -120,12 +122,12 @@ impl Plant {
         let mixtures = (1..=15).map(|of_ratio| emptying_s(1.0, f64::from(of_ratio)));
         let shortest_s = mixtures.fold(emptying_s(0.0, 0.0), f64::min);
         // RK4 is stable up to 2.8 time constants a step; within one no stage empties the chamber.
-        if shortest_s >= SOUND_STEP_S {
+        if shortest_s >= CHECKED_STEP_S {
             return Ok(());
         }
         let message = format!(
             "\"filling\": the chamber empties within {:.1e} s, the step resolves {:.1e} s; \"quasi_steady\" is as good",
-            shortest_s, SOUND_STEP_S
+            shortest_s, CHECKED_STEP_S
         );
         Err(Invalid::new("engine.chamber.model", message))
     }
@@ -140,15 +142,15 @@ impl Plant {
             1.0 / dry.mass_kg + arm.dot(&(per_inertia * arm))
         };
         let across_1_kg = gain_1_kg(Vec3::x()) + gain_1_kg(Vec3::y());
-        let momentum_kg_m2_s = self.environment.atmosphere.density_kg_m3 * SOUND_AIRSPEED_M_S;
+        let air_mass_flux_kg_m2_s = self.environment.atmosphere.density_kg_m3 * CHECKED_AIRSPEED_M_S;
         for (key, area_m2, gain_1_kg) in [
             ("aero.drag_area_lateral_m2", aero.drag_area_lateral_m2, across_1_kg),
             ("aero.drag_area_axial_m2", aero.drag_area_axial_m2, gain_1_kg(Vec3::z())),
         ] {
-            let allowed_m2 = 2.5 / (SOUND_STEP_S * momentum_kg_m2_s * gain_1_kg);
+            let allowed_m2 = 2.5 / (CHECKED_STEP_S * air_mass_flux_kg_m2_s * gain_1_kg);
             if area_m2 > allowed_m2 {
                 let message = format!(
-                    "{area_m2} stops the dry vehicle at {SOUND_AIRSPEED_M_S} m/s within less than the step \
+                    "{area_m2} stops the dry vehicle at {CHECKED_AIRSPEED_M_S} m/s within less than the step \
                      resolves; allowed up to {allowed_m2:.3e}, with its centre of pressure where it is"
                 );
                 return Err(Invalid::new(key, message));
@@ -162,7 +164,7 @@ impl Plant {
         let fastest_1_s =
             self.vehicle.landing_gear.fastest_rate_1_s(&self.pads_body_m, self.vehicle.mass.dry());
         // RK4 is stable within 2.5 of the origin, anywhere in the left half of the plane.
-        let allowed_1_s = 2.5 / SOUND_STEP_S;
+        let allowed_1_s = 2.5 / CHECKED_STEP_S;
         if fastest_1_s <= allowed_1_s {
             return Ok(());
         }
@@ -219,12 +221,7 @@ impl Plant {
             };
             self.vehicle
                 .engine
-                .operating_point(
-                    self.feed_in(&self.state),
-                    area_m2,
-                    &condition,
-                    self.discrete.warm_start.last,
-                )
+                .operating_point(self.feed_in(&self.state), area_m2, &condition, self.solver.warm_start.last)
                 .chamber_gas_rate
         };
         let moved = |gas: ChamberGas, rate: ChamberGasRate, dt_s: f64| ChamberGas {
@@ -323,16 +320,16 @@ impl StepInputs {
             gimbal_command_rad: Vector2::zeros(),
             valve_memory: ServoMemory::default(),
             gimbal_memory: [ServoMemory::default(); 2],
-            isolation: if running { 1.0 } else { 0.0 },
-            vent: 0.0,
-            rcs_open: PairLevels::default(),
+            isolation_opening: if running { 1.0 } else { 0.0 },
+            vent_opening: 0.0,
+            rcs_duty: PairLevels::default(),
             grip: if options.ground && !running { Grip::Held } else { Grip::Free },
             anchors: Anchors::default(),
             lit: running,
-            ignition: running.then_some(SimTime::ZERO),
+            ignition_time: running.then_some(SimTime::ZERO),
             fading_fuel_kg: 0.0,
             nitrous_depleted: nitrous_kg <= vehicle.tank.unusable_nitrous_kg,
-            head_pa: 0.0,
+            static_head_pa: 0.0,
             disturbance: Effect::default(),
             faults: FaultState::none(vehicle.valve_servo, vehicle.gimbal_servo),
         }
@@ -340,7 +337,7 @@ impl StepInputs {
 }
 
 impl DiscreteState {
-    fn at_step_zero(scenario: &Scenario, feed: FeedMap, step: SimTime) -> Self {
+    fn at_step_zero(scenario: &Scenario, step: SimTime) -> Self {
         let vehicle = &scenario.vehicle;
         let running = scenario.file.initial.engine == EngineStart::Running;
         let (valve_delay, gimbal_delay) =
@@ -348,24 +345,36 @@ impl DiscreteState {
         Self {
             valve_delay: DelayLine::for_interval(valve_delay, 0.0, step),
             gimbal_delay: DelayLine::for_interval(gimbal_delay, [0.0; 2], step),
+            modulator: Modulator::default(),
+            demand: Demand {
+                throttle: Throttle::ValveRad(0.0),
+                solved_at: None,
+                valve_rad: 0.0,
+                thrust_n: 0.0,
+            },
+            igniter_on: false,
+            flame: Flame { lit: running, was_lit: running, ..Flame::default() },
+            fully_lit_fuel_kg_s: 0.0,
+            burnt_through: false,
+            bottle_low: false,
+            tank_high: false,
+            last_saturation: None,
+            balance_singular: false,
+            fault_memory: FaultMemory::default(),
+        }
+    }
+}
+
+impl SolverState {
+    fn at_step_zero(feed: FeedMap) -> Self {
+        Self {
             feed: FeedGrid::new(feed),
             feed_start: FeedStart {
                 input: FeedInput::SHUT,
                 method: ImplicitMethod::Sdirk2,
                 head_trend_pa: 0.0,
             },
-            warm_start: EngineWarmStart::default(),
-            modulator: Modulator::default(),
-            demand: Demand { throttle: Throttle::ValveRad(0.0), solved: None, valve_rad: 0.0, thrust_n: 0.0 },
-            igniter: false,
-            flame: Flame { lit: running, was_lit: running, ..Flame::default() },
-            full_fuel_kg_s: 0.0,
-            burnt_through: false,
-            bottle_low: false,
-            tank_high: false,
-            saturated: None,
-            singular: false,
-            fault_memory: FaultMemory::default(),
+            warm_start: WarmStartPredictor::default(),
         }
     }
 }

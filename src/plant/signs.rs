@@ -26,7 +26,7 @@ pub struct Row {
     pub agrees: bool,
 }
 
-/// Steps until the actuators have followed: ten time constants of the slowest.
+/// Steps until the actuators have followed: ten time constants of the reference vehicle's slowest.
 const FOLLOW_STEPS: usize = 400;
 
 /// Computes the table for a vehicle with full tanks in hover.

@@ -128,7 +128,7 @@ impl Plant {
             0.0
         };
         let hull_contact = self.options.ground
-            && [self.outlets.nozzle, self.outlets.vent]
+            && [self.exit_points.nozzle, self.exit_points.vent]
                 .iter()
                 .any(|point| motion.point_ned_m(*point).z > 0.0);
         let force = now.acceleration.slosh_force_body_n;
@@ -177,7 +177,7 @@ impl Plant {
             leg_deflection_m,
             hull_contact,
             lit: self.inputs.lit,
-            singular: self.discrete.singular,
+            singular: self.discrete.balance_singular,
             expelled_kg: [state.expelled_nozzle_kg, state.expelled_rcs_kg, state.expelled_vent_kg],
             vented_vapor_kg: state.vented_vapor_kg,
         }

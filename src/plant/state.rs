@@ -71,7 +71,7 @@ state! {
     chamber_oxidizer_kg: f64,
     /// Fuel in the chamber's gas, with the filling model (kg).
     chamber_fuel_kg: f64,
-    /// Oxidiser between valve and injector, with the implicit manifold (kg). Steps on its own, like the next.
+    /// Oxidiser between valve and injector, with the implicit manifold (kg). Advanced by the feed's own implicit step, as is the next.
     manifold_kg: f64,
     /// Flow of the liquid column before the valve, with a feed line (kg/s).
     line_kg_s: f64,
@@ -97,7 +97,7 @@ state! {
     expelled_vent_kg: f64,
     /// Nitrous oxide in that gas (kg).
     vented_vapor_kg: f64,
-    /// Fuel that has left the grain (kg): what keeps the port's radius true to the mass after a step.
+    /// Fuel burnt so far (kg); sets the port radius after each step.
     burnt_kg: f64,
     /// Integral of the specific force at the inertial unit, body axes (m/s).
     imu_velocity_body_m_s: Vec3,
@@ -156,7 +156,7 @@ impl State {
         UnitQuaternion::new_normalize(self.q_ned_from_body)
     }
 
-    /// Every number but what is part of another, in a fixed order: for hashes and for the search for what is not finite.
+    /// Every number, in a fixed order: for hashes and for the check for finite values.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let vectors = [
             self.position_ned_m,

@@ -1,4 +1,5 @@
-//! What happens between steps: stops, play, flame, depletion, feet.
+//! After a step: its last evaluation and snapshot, valve seats, faults, flame, depletion, feed maps, pads, and the events
+//! of these; and the disturbances' own time.
 
 use super::{Evaluation, Plant, State};
 use crate::actuator::ServoMemory;
@@ -8,7 +9,7 @@ use crate::fluid::Nitrous;
 use crate::propulsion::{FlameConditions, NitrogenState, UllageModel};
 use crate::vehicle::GasModel;
 
-/// Share of a thruster's level below which it is off.
+/// Level below which a thruster is off.
 const RCS_OFF_LEVEL: f64 = 1e-6;
 
 /// Share of the flow below which a dying flame is out.
@@ -33,15 +34,15 @@ impl Plant {
 
     /// What is discrete, after a step.
     pub(super) fn finish_step(&mut self) {
-        // Before the evaluation, which begins the next step.
+        // First, since the evaluation below is also the first stage of the next step.
         self.advance_servo_memory();
 
         let now = self.evaluate_inline(&self.state, 0.0);
         self.cache_rate(&now.rate);
         self.snapshot = self.snapshot_of(&now);
-        self.discrete.warm_start.update(now.engine.warm_start);
-        if now.acceleration.status == SolveStatus::Singular && !self.discrete.singular {
-            self.discrete.singular = true;
+        self.solver.warm_start.update(now.engine.warm_start);
+        if now.acceleration.status == SolveStatus::Singular && !self.discrete.balance_singular {
+            self.discrete.balance_singular = true;
             self.note(EventKind::Singular, "mass or inertia is not that of a body".to_owned());
         }
 
@@ -75,10 +76,10 @@ impl Plant {
         state.fuel_flow_kg_s = state.fuel_flow_kg_s.max(0.0);
     }
 
-    /// Shuts what has all but shut: first-order decays and servos alone would never end.
+    /// Shuts what is almost shut: a decay never reaches zero by itself.
     fn seat_valves(&mut self) {
         let (state, inputs) = (&mut self.state, &mut self.inputs);
-        for (axis, open) in [(0, inputs.rcs_open.a), (1, inputs.rcs_open.b)] {
+        for (axis, open) in [(0, inputs.rcs_duty.a), (1, inputs.rcs_duty.b)] {
             if open == 0.0 && state.rcs_level[axis] < RCS_OFF_LEVEL {
                 state.rcs_level[axis] = 0.0;
             }
@@ -97,8 +98,8 @@ impl Plant {
     /// Lets the feed system's maps follow the tank. A map costs some steps' time, so it waits until something flows.
     fn follow_tank(&mut self, now: &Evaluation) {
         let asked = self.discrete.demand.valve_rad > 0.0;
-        let flows = self.inputs.isolation > 0.0 && (asked || self.leaks(now));
-        if flows && self.discrete.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k) {
+        let flows = self.inputs.isolation_opening > 0.0 && (asked || self.leaks(now));
+        if flows && self.solver.feed.follow(now.pressurant.tank_pa, now.pressurant.liquid_k) {
             self.cached_rate = None;
         }
     }
@@ -147,15 +148,16 @@ impl Plant {
     /// Lights or goes out; notices when fuel begins to limit the flame.
     fn advance_flame(&mut self, now: &Evaluation) {
         let tail_s = self.vehicle.engine_parameters.depletion.tail_time_constant_s;
-        let burning = (1.0 - self.outlet(&self.state).1) * self.burning_share(&self.state);
+        let burning = (1.0 - self.tank_outlet(&self.state).1) * self.burning_share(&self.state);
         if now.engine.steady_fuel_kg_s > 0.0 && burning > 0.0 {
-            self.discrete.full_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
+            self.discrete.fully_lit_fuel_kg_s = now.engine.steady_fuel_kg_s / burning;
         }
-        let (usable_kg, tail_kg) = (self.usable_fuel_kg(&self.state), tail_s * self.discrete.full_fuel_kg_s);
-        // No step burns as much as the tail does.
+        let (usable_kg, tail_kg) =
+            (self.usable_fuel_kg(&self.state), tail_s * self.discrete.fully_lit_fuel_kg_s);
+        // Two tails ahead: no step burns as much as one.
         self.inputs.fading_fuel_kg = if usable_kg < 2.0 * tail_kg { tail_kg } else { 0.0 };
         let chamber = || format!("chamber {:.1} bar", now.engine.chamber_pa * 1e-5);
-        if !self.discrete.burnt_through && self.discrete.full_fuel_kg_s > 0.0 && usable_kg < tail_kg {
+        if !self.discrete.burnt_through && self.discrete.fully_lit_fuel_kg_s > 0.0 && usable_kg < tail_kg {
             self.discrete.burnt_through = true;
             self.note(EventKind::FuelBurnThrough, chamber());
         }
@@ -163,7 +165,7 @@ impl Plant {
             &self.discrete.flame,
             &FlameConditions {
                 time: self.time,
-                igniter: self.discrete.igniter && !self.inputs.faults.effect.igniter_dead,
+                igniter: self.discrete.igniter_on && !self.inputs.faults.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
@@ -173,7 +175,7 @@ impl Plant {
         );
         match (self.inputs.lit, flame.lit) {
             (false, true) => {
-                self.inputs.ignition.get_or_insert(self.time);
+                self.inputs.ignition_time.get_or_insert(self.time);
                 self.ignite_pool(now);
                 self.note(EventKind::Ignition, chamber());
             }

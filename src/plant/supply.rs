@@ -27,26 +27,26 @@ pub(super) struct Supply {
 }
 
 impl Plant {
-    /// What leaves each store through an oxidiser valve at an angle (rad), and the thrust that it makes; `share` of a
+    /// What leaves each store through an oxidiser valve at an angle (rad), and the thrust that it makes; `step_fraction` of a
     /// step on.
     #[inline(always)]
-    pub(super) fn supply(&self, state: &State, share: f64, valve_rad: f64) -> Supply {
+    pub(super) fn supply(&self, state: &State, step_fraction: f64, valve_rad: f64) -> Supply {
         let vehicle = &self.vehicle;
         let ambient_pa = self.environment.atmosphere.pressure_pa;
         let valve_area_m2 = self.valve_area_m2(valve_rad);
-        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, self.inputs.isolation);
+        let open_area_m2 = vehicle.isolation.limited_area_m2(valve_area_m2, self.inputs.isolation_opening);
         let mut gas_supply = vehicle.gas_supply(&self.stores(state), ambient_pa);
-        let feed = self.discrete.feed.at(gas_supply.nitrogen().tank_pa, gas_supply.nitrogen().liquid_k);
-        let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, share);
+        let feed = self.solver.feed.at(gas_supply.nitrogen().tank_pa, gas_supply.nitrogen().liquid_k);
+        let (engine, stored_kg) = self.engine_at(&feed, open_area_m2, state, step_fraction);
 
-        // Within a step the tank still holds what the manifold has taken up since it began.
+        // The state still counts what the manifold has taken up in this step; `advance_feed` moves it over.
         let nitrous_kg = state.nitrous_kg - stored_kg;
         let stores = Stores { nitrous_kg, ..self.stores(state) };
         if stored_kg != 0.0 {
             gas_supply = vehicle.gas_supply(&stores, ambient_pa);
         }
         let mut thrusters = vehicle.reaction_control.loads(&levels(state), gas_supply.nitrogen().bottle_pa);
-        let mut vent_kg_s = vehicle.vent_kg_s(&gas_supply, self.inputs.vent, ambient_pa);
+        let mut vent_kg_s = vehicle.vent_kg_s(&gas_supply, self.inputs.vent_opening, ambient_pa);
         let [left, vented] = gas_supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
         if left < 1.0 {
             thrusters.force_body_n *= left;
@@ -84,7 +84,7 @@ impl Plant {
         // so neither store reaches zero within a step.
         let drain_s = if self.inputs.nitrous_depleted { tail_s } else { self.drain_s() };
         let two_phase = self.vehicle.uncovering.is_some();
-        let (outlet, inert_share) = self.outlet(state);
+        let (outlet, inert_share) = self.tank_outlet(state);
         EngineCondition {
             port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
             throat_radius_m: state.throat_radius_m,
@@ -121,7 +121,7 @@ impl Plant {
 
     /// What an uncovered outlet draws, and the share of nitrogen in it.
     #[inline]
-    pub(super) fn outlet(&self, state: &State) -> (Option<Outlet>, f64) {
+    pub(super) fn tank_outlet(&self, state: &State) -> (Option<Outlet>, f64) {
         match &self.vehicle.uncovering {
             None => (None, 0.0),
             Some(uncovering) => self.uncovered_outlet(uncovering, state),
@@ -144,14 +144,14 @@ impl Plant {
             gas_kg_m3: view.ullage_density_kg_m3(),
         };
         // The inlet pressure of the last solution: it moves by some thousandths in a step.
-        let solved_pa = self.discrete.warm_start.last.injector_inlet_pa;
+        let solved_pa = self.solver.warm_start.last.injector_inlet_pa;
         let inlet_pa = if solved_pa > 0.0 { solved_pa } else { outlet.gas_pa };
-        let inlet = self.discrete.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
+        let inlet = self.solver.feed.at(outlet.gas_pa, view.nitrogen.liquid_k).inlet(inlet_pa);
         let gas_share = outlet.gas_mass_share(inlet_pa, inlet.state.density_kg_m3);
         (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
 
-    /// What the engine does with this much valve area open, `share` of a step on, and what the manifold has taken
+    /// What the engine does with this much valve area open, `step_fraction` of a step on, and what the manifold has taken
     /// up since the step began (kg).
     #[inline(always)]
     fn engine_at(
@@ -159,15 +159,20 @@ impl Plant {
         feed: &Feed<'_>,
         valve_area_m2: f64,
         state: &State,
-        share: f64,
+        step_fraction: f64,
     ) -> (OperatingPoint, f64) {
         let engine = &self.vehicle.engine;
         let (mut point, stored_kg) = match &self.paper {
-            None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, share),
+            None if self.feed_stores() => self.feed_point(feed, state, valve_area_m2, step_fraction),
             None => {
-                let guess = self.discrete.warm_start.at(share);
+                let warm_start = self.solver.warm_start.at(step_fraction);
                 (
-                    engine.operating_point_inline(feed, valve_area_m2, &self.engine_condition(state), guess),
+                    engine.operating_point_inline(
+                        feed,
+                        valve_area_m2,
+                        &self.engine_condition(state),
+                        warm_start,
+                    ),
                     0.0,
                 )
             }
