@@ -208,7 +208,8 @@ impl ThrottleMap {
         let title = format!("Throttle map of {}", self.vehicle);
         area.draw(&Text::new(title, (px(24), px(18)), text_style(26, &TEXT)))?;
         let condition = format!(
-            "steady, lit; port radius {:.1} mm, throat radius {:.2} mm, N2O at {:.1} bar and {:.1} K; 100 % = {:.0} N",
+            "steady, lit; port radius {:.1} mm, throat radius {:.2} mm, N2O at {:.1} bar and {:.1} K; \
+             100 % = {:.0} N",
             self.port_radius_mm, self.throat_radius_mm, self.tank_bar, self.tank_k, self.thrust_rated_n
         );
         area.draw(&Text::new(condition, (px(24), px(52)), text_style(15, &MUTED)))?;
