@@ -160,8 +160,9 @@ impl ThrottleMap {
 
     /// The table as comma-separated values, columns as the keys of a point; a field is empty where a key is null.
     pub fn csv(&self) -> String {
-        let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,of_ratio,chamber_pa,\
-             injector_inlet_pa,quality,thrust_n,isp_s,saturated,below_minimum_command,of_clamped,nozzle\n"
+        let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,\
+             of_ratio,chamber_pa,injector_inlet_pa,quality,thrust_n,isp_s,saturated,\
+             below_minimum_command,of_clamped,nozzle\n"
             .to_owned();
         for row in &self.points {
             let p = &row.point;
