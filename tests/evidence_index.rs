@@ -53,7 +53,10 @@ fn every_test_and_file_that_the_index_names_exists() {
             };
             assert!(tests_of(&text(&path)).contains(function), "{name}: no such test in {}", path.display());
             tests += 1;
-        } else if ["tests/", "tools/", "src/", "scenarios/"].iter().any(|folder| name.starts_with(folder)) {
+        } else if ["tests/", "tools/", "src/", "scenarios/", "hil/", "docs/"]
+            .iter()
+            .any(|folder| name.starts_with(folder))
+        {
             // Names that stand for any file.
             if !name.contains("file.rs") && name != "src/path.rs" {
                 assert!(root().join(name).exists(), "{name} does not exist");

@@ -14,7 +14,9 @@ use hopbench_hil::bench::pace::{Distribution, now_ns};
 use hopbench_hil::bench::{Bench, Options};
 use hopbench_hil::load;
 use hopbench_hil::wire::link::Link;
-use hopbench_hil::wire::mavlink::{ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls};
+use hopbench_hil::wire::mavlink::{
+    ControlsFrame, Decoder, Encoder, MavMessage, actuator_controls, frame_bytes,
+};
 use hopbench_hil::wire::profile::{PX4_SITL, Pacing};
 
 const ROUNDS: usize = 3;
@@ -24,7 +26,8 @@ fn main() {
     for round in 1..=ROUNDS {
         let (echo, cycle) = (echo(), cycle());
         println!(
-            "round {round}: bare echo p50 {:.1} us, p99 {:.1} us; bench cycle p50 {:.1} us, p99 {:.1} us; ratio {:.2}",
+            "round {round}: bare echo p50 {:.1} us, p99 {:.1} us; bench cycle p50 {:.1} us, p99 {:.1} us; \
+             ratio {:.2}",
             echo.quantile_us(0.5),
             echo.quantile_us(0.99),
             cycle.quantile_us(0.5),
@@ -44,7 +47,7 @@ fn echo() -> Distribution {
         threads.spawn(|| {
             let mut buffer = [0; 512];
             while let Ok((length, from)) = far.recv_from(&mut buffer) {
-                if length == 1 || far.send_to(&buffer[..77], from).is_err() {
+                if length == 1 || far.send_to(&buffer[..frame_bytes::HIL_SENSOR], from).is_err() {
                     return;
                 }
             }
@@ -52,7 +55,7 @@ fn echo() -> Distribution {
         let mut buffer = [0; 512];
         for _ in 0..CYCLES {
             let start_ns = now_ns();
-            near.send(&[0; 93]).expect("loopback");
+            near.send(&[0; frame_bytes::HIL_ACTUATOR_CONTROLS]).expect("loopback");
             near.recv(&mut buffer).expect("the echo lives");
             times.record_ns(now_ns() - start_ns);
         }

@@ -1,4 +1,5 @@
-//! Faults of plant and actuators as plain values. `Default` is the sound vehicle.
+//! Faults of plant and actuators as plain values. `Default` is the sound vehicle. What they do to the
+//! plant: `plant/fault.rs`.
 
 use super::{Acting, Component, Mode};
 

@@ -21,23 +21,23 @@ pub struct Handover {
     /// Angle between their gimbal commands (deg).
     pub gimbal_step_deg: f64,
     /// Motion in the two seconds before.
-    pub before: Unrest,
+    pub before: PeakMotion,
     /// Motion in the two seconds after.
-    pub after: Unrest,
+    pub after: PeakMotion,
     /// Greatest change of the velocity in the two seconds after (m/s).
     pub speed_change_m_s: f64,
 }
 
 /// Greatest tilt and body rate of a span.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Unrest {
+pub struct PeakMotion {
     /// Tilt of the long axis (deg).
     pub tilt_deg: f64,
     /// Body rate (deg/s).
     pub rate_deg_s: f64,
 }
 
-impl Unrest {
+impl PeakMotion {
     /// Widens the span.
     pub fn take(&mut self, other: &Self) {
         self.tilt_deg = self.tilt_deg.max(other.tilt_deg);

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 pub use super::bench_report::{
-    Disrupted, DisruptedWay, GroundReport, Handover, LinkReport, Overrun, Percentiles, Scheduler, Stalled,
-    Timing, Unrest,
+    Disrupted, DisruptedWay, GroundReport, Handover, LinkReport, Overrun, PeakMotion, Percentiles, Scheduler,
+    Stalled, Timing,
 };
 
 use super::flown_by::{FlownBy, Source};

@@ -1,8 +1,8 @@
-//! What a run is measured by, and what its report says of time.
+//! Figures of a run: what steps cost, round trips, silences; the report says of timing what follows from them.
 
 use hopbench::simulation::report::{LinkReport, Timing};
 
-use crate::bench::pace::{Account, Distribution, now_ns};
+use crate::bench::pace::{Distribution, TimeBalance, now_ns};
 use crate::bench::run::Run;
 use crate::wire::profile::Pacing;
 
@@ -156,7 +156,7 @@ impl Figures {
             worst_overruns: overruns.worst.clone(),
             slips: overruns.slips,
             slipped_s: overruns.slipped_ns as f64 * 1e-9,
-            unaccounted_us: balance.map(|account: Account| account.unaccounted_ns() as f64 * 1e-3),
+            unaccounted_us: balance.map(|balance: TimeBalance| balance.unaccounted_ns() as f64 * 1e-3),
             step_budget_us: run.step_us() as f64,
             step_us: self.step_cost.percentiles(),
             cycle_us: paced(&self.cycle_cost),

@@ -4,7 +4,7 @@ use hopbench::frame::{Vec3, tilt_rad};
 use hopbench::plant::Snapshot;
 use hopbench::signal::ActuatorCommand;
 use hopbench::simulation::Source;
-use hopbench::simulation::report::{Handover, Unrest};
+use hopbench::simulation::report::{Handover, PeakMotion};
 use hopbench::time::SimTime;
 
 use crate::bench::pace::now_ns;
@@ -18,7 +18,7 @@ const PARTS: usize = 4;
 #[derive(Debug, Default)]
 pub(super) struct HandoverMonitor {
     /// Greatest motion in each of the last parts of a span; which part is the newest.
-    recent: [Unrest; PARTS],
+    recent: [PeakMotion; PARTS],
     newest: u64,
     change: Option<Change>,
 }
@@ -57,19 +57,19 @@ enum FirstCommand {
 impl HandoverMonitor {
     /// Looks at the vehicle after a step; what is complete is returned.
     pub(super) fn watch(&mut self, now: &Snapshot) -> Option<Handover> {
-        let unrest = Unrest {
+        let motion = PeakMotion {
             tilt_deg: tilt_rad(&now.q_ned_from_body).to_degrees(),
             rate_deg_s: now.rate_body_rad_s.norm().to_degrees(),
         };
         let part = now.time.us() / (SPAN.us() / PARTS as u64);
         if part != self.newest {
             self.newest = part;
-            self.recent[part as usize % PARTS] = Unrest::default();
+            self.recent[part as usize % PARTS] = PeakMotion::default();
         }
-        self.recent[part as usize % PARTS].take(&unrest);
+        self.recent[part as usize % PARTS].take(&motion);
 
         let change = self.change.as_mut()?;
-        change.record.after.take(&unrest);
+        change.record.after.take(&motion);
         let speed_change_m_s = (now.velocity_ned_m_s - change.velocity_ned_m_s).norm();
         change.record.speed_change_m_s = change.record.speed_change_m_s.max(speed_change_m_s);
         if change.first == FirstCommand::Issued {
@@ -80,8 +80,8 @@ impl HandoverMonitor {
     }
 
     /// The motion of the last span.
-    fn before(&self) -> Unrest {
-        let mut all = Unrest::default();
+    fn before(&self) -> PeakMotion {
+        let mut all = PeakMotion::default();
         self.recent.iter().for_each(|part| all.take(part));
         all
     }

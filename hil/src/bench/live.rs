@@ -1,4 +1,4 @@
-//! What a person sees while a run goes on: one live line and notices, on stderr.
+//! Prints notices and one live line, which the next overwrites, on stderr.
 //!
 //! A thread of its own prints, since a terminal may block; what it cannot take in time is dropped.
 

@@ -29,9 +29,9 @@ mod timeline;
 
 mod run;
 
+mod carry_out;
 mod figures;
-mod request;
-mod show;
+mod status_line;
 
 mod service;
 
@@ -59,8 +59,8 @@ use live::Live;
 use pace::now_ns;
 use run::{Run, Stage};
 use service::{Port, Services};
-use show::Show;
 use stall::{NAMED_WITHIN, Stall, Stalls};
+use status_line::StatusLine;
 
 /// Longest wait without a look at the request to stop.
 const SLICE: Duration = Duration::from_millis(50);
@@ -81,7 +81,7 @@ pub struct Bench<'a> {
     datum: Datum,
     figures: Figures,
     stalls: Stalls,
-    show: Show,
+    status_line: StatusLine,
     /// Whether the bench goes on after a flight, until it is stopped.
     stays: bool,
 }
@@ -102,7 +102,7 @@ impl<'a> Bench<'a> {
             datum,
             figures: Figures::begin(),
             stalls: Stalls::none(),
-            show: Show::begin(),
+            status_line: StatusLine::begin(),
             stays: false,
         }
     }
@@ -350,7 +350,8 @@ impl<'a> Bench<'a> {
             _ => "",
         };
         let text = format!(
-            "no HIL_ACTUATOR_CONTROLS with time_usec {sample_us} within {} ms on {}{lost}; the last command holds",
+            "no HIL_ACTUATOR_CONTROLS with time_usec {sample_us} within {} ms on {}{lost}; \
+             the last command holds",
             waited.as_millis(),
             self.run.address()
         );
@@ -478,7 +479,7 @@ impl<'a> Bench<'a> {
         if let Some(text) = self.stalls.notice(now_ns()) {
             self.run.live.notice(text);
         }
-        self.show.inform(&mut self.run, &self.wire);
+        self.status_line.inform(&mut self.run, &self.wire);
     }
 
     /// Begins a new flight.

@@ -1,4 +1,4 @@
-//! How a run is to be made.
+//! Options of a run: who sits at the other end, who waits for whom and how long.
 
 use std::time::Duration;
 

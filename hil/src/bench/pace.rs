@@ -109,7 +109,7 @@ impl Anchor {
 
 /// Wall time against simulated time, from the anchor to the last step waited for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Account {
+pub struct TimeBalance {
     /// Wall time (ns).
     pub wall_ns: u64,
     /// Simulated time, as long as it takes at its speed (ns).
@@ -120,7 +120,7 @@ pub struct Account {
     pub late_ns: u64,
 }
 
-impl Account {
+impl TimeBalance {
     /// Wall time that nothing accounts for (ns).
     pub fn unaccounted_ns(&self) -> i64 {
         self.wall_ns as i64 - (self.simulated_ns + self.slipped_ns + self.late_ns) as i64
@@ -283,8 +283,8 @@ impl RealTime {
     }
 
     /// Wall time against simulated time since they were last anchored.
-    pub fn balance(&self) -> Option<Account> {
-        self.anchor.map(|anchor| Account {
+    pub fn balance(&self) -> Option<TimeBalance> {
+        self.anchor.map(|anchor| TimeBalance {
             wall_ns: anchor.woke_ns - anchor.start_ns,
             simulated_ns: anchor.simulated_ns(anchor.due_us, self.speed),
             slipped_ns: self.overruns.slipped_ns - anchor.slipped_before_ns,
@@ -391,10 +391,10 @@ mod tests {
         // 20 ms at twice the speed take 10.
         clock.resume_at(25_000, 0);
         run(&mut clock, 1..=5);
-        let account = clock.balance().unwrap();
+        let balance = clock.balance().unwrap();
         // 5 ms, 10 ms and 2.5 ms; a microsecond for what is rounded.
-        assert!(account.simulated_ns.abs_diff(17_500_000) < 1000, "{account:?}");
-        assert!(account.unaccounted_ns().abs() < 1000, "{account:?}");
+        assert!(balance.simulated_ns.abs_diff(17_500_000) < 1000, "{balance:?}");
+        assert!(balance.unaccounted_ns().abs() < 1000, "{balance:?}");
     }
 
     #[test]
@@ -420,10 +420,10 @@ mod tests {
         clock
     }
 
-    /// Every overrun and every nanosecond is on the account.
+    /// Every overrun and every nanosecond is in the balance.
     fn balanced(clock: &RealTime) {
-        let (account, overruns) = (clock.balance().unwrap(), clock.overruns());
-        assert_eq!(account.unaccounted_ns(), 0, "{account:?}");
+        let (balance, overruns) = (clock.balance().unwrap(), clock.overruns());
+        assert_eq!(balance.unaccounted_ns(), 0, "{balance:?}");
         let open = clock.spell.as_ref().map_or(0, |spell| spell.steps);
         assert_eq!(overruns.count, overruns.caught_up + overruns.slipped + open, "{overruns:?}");
     }

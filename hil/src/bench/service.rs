@@ -1,7 +1,6 @@
-//! Services: inquiries of a flight controller or a ground station, and the truthful answers.
+//! Services: answers every inquiry of a flight controller or a ground station, and truthfully.
 //!
-//! An inquiry becomes a request or a parameter, [`super::request`] carries it out, and what became of it is queued as
-//! replies, which leave after the samples of an instant, as far as the wire has room.
+//! A request or a parameter is carried out by [`super::carry_out`], and what became of it is queued as replies, which leave after the samples of an instant, as far as the wire has room.
 
 use std::collections::VecDeque;
 
@@ -9,9 +8,9 @@ use hopbench::event::Severity;
 use hopbench::fault::Component;
 use hopbench::simulation::Flight;
 
+use crate::bench::carry_out::{carry_out, rate_not_in_hand, set_parameter, value_in_force};
 use crate::bench::ground::Ground;
 use crate::bench::parameter::{Parameter, as_typed, parameters};
-use crate::bench::request::{carry_out, rate_not_in_hand, set_parameter, value_in_force};
 use crate::bench::run::Run;
 use crate::wire::fc_link::FcLink;
 use crate::wire::profile::{Profile, SensorRates};
@@ -66,7 +65,7 @@ impl Services {
     pub(super) fn answer(&mut self, inquiry: Inquiry, run: &mut Run, mut port: Port) {
         match inquiry {
             Inquiry::Command { request, receipt } => {
-                let answer = request.and_then(|request| self.obey(request, run, &mut port));
+                let answer = request.and_then(|request| self.perform(request, run, &mut port));
                 let Some(receipt) = receipt else { return };
                 if let Err(Rejection::Denied(why) | Rejection::Unsupported(why)) = &answer {
                     self.warn(&mut port, why);
@@ -90,7 +89,7 @@ impl Services {
         }
     }
 
-    fn obey(&mut self, request: Request, run: &mut Run, port: &mut Port) -> Answer {
+    fn perform(&mut self, request: Request, run: &mut Run, port: &mut Port) -> Answer {
         // Whether a fault of a component can be seen on the wire.
         let tracked = run.options.profile.odometry_hz.is_some();
         match request {

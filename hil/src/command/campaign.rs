@@ -170,7 +170,8 @@ fn fly(
             let rate_hz = flown as f64 / elapsed_s;
             let to_go_s = (missing.len() - flown) as f64 / rate_hz;
             format!(
-                "{}: {flown} of {} flights, {failed} failed, {rate_hz:.1} flights/s, {:.0} min {:02.0} s to go",
+                "{}: {flown} of {} flights, {failed} failed, {rate_hz:.1} flights/s, \
+                 {:.0} min {:02.0} s to go",
                 campaign.name,
                 missing.len(),
                 (to_go_s / 60.0).floor(),

@@ -294,13 +294,18 @@ fn chosen_pacing(args: &Args, profile: &Profile) -> Result<Pacing, InputError> {
 /// Nobody but the person at the bench knows what hangs on a board's outputs.
 fn check_interlock(args: &Args, profile: &Profile) -> Result<(), InputError> {
     let Some(link) = &args.fc else { return Ok(()) };
-    let is_board = profile.needs_hil_flag || matches!(link, LinkSpec::Serial { .. });
+    // Every kind of link is named: whether a new one leads to a board is decided here.
+    let leads_to_board = match link {
+        LinkSpec::Serial { .. } => true,
+        LinkSpec::Udp(_) | LinkSpec::UdpListen(_) | LinkSpec::Tcp(_) | LinkSpec::TcpListen(_) => false,
+    };
+    let is_board = profile.needs_hil_flag || leads_to_board;
     if !is_board || args.igniter_disconnected {
         return Ok(());
     }
     let reason = format!(
-        "{link}, profile {}: a real board is armed, and its outputs may be live: disconnect the igniter and the \
-         oxidiser, then say so with --igniter-disconnected",
+        "{link}, profile {}: a real board is armed, and its outputs may be live: disconnect the igniter and \
+         the oxidiser, then say so with --igniter-disconnected",
         profile.name
     );
     Err(option_error("--igniter-disconnected", reason))
@@ -327,7 +332,8 @@ fn check_budget(
                 None => "no --sensor-hz fits: use a faster line".to_owned(),
             };
             let taken = format!(
-                "{load_percent:.0} % of {baud} baud would be taken by HIL_SENSOR at {:.0} Hz and what goes with it; {advice}",
+                "{load_percent:.0} % of {baud} baud would be taken by HIL_SENSOR at {:.0} Hz \
+                 and what goes with it; {advice}",
                 rates.imu_hz
             );
             return Err(option_error("--fc", taken));

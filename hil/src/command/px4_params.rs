@@ -65,7 +65,8 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         format!("PX4 airframe of {}\n\n{}\n", airframe.vehicle, files::budget_table(&airframe.budget));
     let [x, y, z] = airframe.tuning.unit_effect_rad_s2;
     text += &format!(
-        "At hover, {:.1} kg, full command turns the vehicle at {x:.2}, {y:.2} and {z:.2} rad/s² about FRD x, y, z.\n\n",
+        "At hover, {:.1} kg, full command turns the vehicle at {x:.2}, {y:.2} and {z:.2} rad/s² \
+         about FRD x, y, z.\n\n",
         airframe.lander.mass_kg
     );
     for file in &files {

@@ -8,13 +8,9 @@ use super::finding::Finding;
 use super::finding::Severity::{Error, Ok, Warning};
 use super::observation::{ControlsStatistics, Sender};
 use crate::wire::link::LinkSpec;
-use crate::wire::mavlink::Address;
-use crate::wire::mavlink::Counters;
+use crate::wire::mavlink::{AUTOPILOT_ARDUPILOT, Address, Counters};
 use crate::wire::port::{Holder, Port};
 use crate::wire::profile::{Budget, Profile};
-
-/// MAV_AUTOPILOT_ARDUPILOTMEGA
-const ARDUPILOT: u8 = 3;
 
 // The link does not open.
 
@@ -454,7 +450,8 @@ pub(super) fn sleep(median_us: f64, worst_us: f64, slack_ns: Option<u64>) -> Fin
         severity: if worst_us > 1000.0 { Warning } else { Ok },
         name: "sleep",
         seen: format!(
-            "100 sleeps of 1 ms end {median_us:.0} us late (median), {worst_us:.0} us at worst; timer slack {}",
+            "100 sleeps of 1 ms end {median_us:.0} us late (median), {worst_us:.0} us at worst; \
+             timer slack {}",
             slack_ns.map_or("unknown".to_owned(), |ns| format!("{:.0} us", ns as f64 / 1e3))
         ),
         why: "other work on the machine, power saving, a virtual machine".into(),
@@ -538,10 +535,13 @@ pub(super) fn modem_manager(pid: u32) -> Finding {
 /// The known causes of heartbeats without controls, those first that fit.
 fn no_controls_why(autopilot: u8, profile: &str) -> String {
     let causes: &[&str] = match (autopilot, profile) {
-        (ARDUPILOT, _) => &["this is an ArduPilot, which knows neither HIL_SENSOR nor HIL_ACTUATOR_CONTROLS"],
+        (AUTOPILOT_ARDUPILOT, _) => {
+            &["this is an ArduPilot, which knows neither HIL_SENSOR nor HIL_ACTUATOR_CONTROLS"]
+        }
         (_, "px4-hitl") => &[
             "HITL is not enabled, or the board was not rebooted since (SYS_HITL 1)",
-            "the link's rate is 5000 byte/s or less (MAV_0_RATE, default 1200), or this port is in another mode",
+            "the link's rate is 5000 byte/s or less (MAV_0_RATE, default 1200), or this port is in \
+             another mode",
             "the firmware lacks pwm_out_sim (CONFIG_MODULES_SIMULATION_PWM_OUT_SIM)",
             "no output has a function (HIL_ACT_FUNC1 and on), or the airframe is none for HITL",
             "HIL_SENSOR does not reach it: TX of the bench not connected, or another port has the HIL stream",

@@ -9,19 +9,18 @@ use super::channel::{ChannelUse, MappedChannel};
 use super::finding::{Finding, worst_first};
 use super::observation::{ControlsStatistics, Observation};
 use crate::wire::link::{LinkSpec, OpenFailure};
+use crate::wire::mavlink::{LONGEST_FRAME_BYTES, frame_bytes};
 use crate::wire::port;
 use crate::wire::profile::Budget;
 use crate::wire::stream::ADDRESS;
 
-/// Bytes of one HIL_ACTUATOR_CONTROLS on the wire, and how often PX4 is asked for it (Hz).
-const CONTROLS_BYTES: f64 = 93.0;
+/// How often PX4 is asked for HIL_ACTUATOR_CONTROLS (Hz).
 const CONTROLS_HZ: f64 = 200.0;
 /// Slowest stream of controls that keeps a lander upright: the rate of the built-in guidance (Hz).
 const CONTROLS_LEAST_HZ: f64 = 50.0;
 /// PX4 sends no controls on a link set to this rate or less (byte/s).
 const PX4_GATE_BYTES_PER_S: f64 = 5000.0;
-/// Longest MAVLink frame: what a listener that comes in half-way may lose of the first.
-const FRAME_BYTES: u64 = 280;
+
 /// What is wrong on a link, worst first.
 pub fn diagnose(observed: &Observation) -> Vec<Finding> {
     let mut findings = Vec::new();
@@ -63,7 +62,8 @@ fn open_failure(observed: &Observation, failure: &OpenFailure) -> Finding {
 /// Both directions of a serial line.
 fn wire_budget(observed: &Observation, findings: &mut Vec<Finding>) {
     let LinkSpec::Serial { baud, .. } = observed.link else { return };
-    let back_percent = CONTROLS_BYTES * CONTROLS_HZ / (f64::from(baud) / 10.0) * 100.0;
+    let back_percent =
+        frame_bytes::HIL_ACTUATOR_CONTROLS as f64 * CONTROLS_HZ / (f64::from(baud) / 10.0) * 100.0;
     let budget = observed.profile.budget(&observed.rates, baud);
     if !matches!(budget, Budget::Fits { .. }) || back_percent >= 70.0 {
         findings.push(catalog::wire_overload(baud, observed.rates.imu_hz, &budget, back_percent));
@@ -95,8 +95,8 @@ fn bytes(observed: &Observation, findings: &mut Vec<Finding>) {
         });
     } else {
         let counters = &traffic.counters;
-        // Who comes in half-way hears the end of a frame.
-        if counters.crc_errors > 1 || counters.skipped_bytes > FRAME_BYTES {
+        // Who comes in half-way hears the end of a frame, at most a whole one.
+        if counters.crc_errors > 1 || counters.skipped_bytes > LONGEST_FRAME_BYTES as u64 {
             findings.push(catalog::damaged(counters));
         }
         if counters.lost > 0 {

@@ -4,15 +4,9 @@ use hopbench::controls::CHANNEL_COUNT;
 
 use super::channel::MappedChannel;
 use crate::wire::link::{LinkSpec, OpenFailure};
-use crate::wire::mavlink::Address;
-use crate::wire::mavlink::Counters;
+use crate::wire::mavlink::{AUTOPILOT_COMPONENT, AUTOPILOT_INVALID, Address, Counters};
 use crate::wire::port::{Holder, Port};
 use crate::wire::profile::{Profile, SensorRates};
-
-/// MAV_AUTOPILOT_INVALID: a component that is no flight controller.
-const AUTOPILOT_INVALID: u8 = 8;
-/// MAV_COMP_ID_AUTOPILOT1
-const AUTOPILOT_COMPONENT: u8 = 1;
 
 /// All that was observed on one link.
 #[derive(Clone, Debug)]

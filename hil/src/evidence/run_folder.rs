@@ -1,12 +1,11 @@
-//! The folder of a run.
+//! The folder of a run is made before it, so that a full or forbidden disk is said before the flight.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use hopbench::simulation::Report;
 
-/// Folder that receives what a run leaves. It is made before the run, so that a full or forbidden disk is said
-/// before the flight.
+/// Receives what a run leaves.
 pub struct RunFolder(PathBuf);
 
 impl RunFolder {

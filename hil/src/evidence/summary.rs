@@ -79,7 +79,8 @@ fn flight(text: &mut Lines, report: &Report) {
 fn handovers(text: &mut Lines, report: &Report) {
     for h in &report.handovers {
         text.line(format!(
-            "hand-over      to {}, {:.0} ms after the last good controls ({:.0} ms by the clock); first command {:+.0} N, {:.2} deg of gimbal",
+            "hand-over      to {}, {:.0} ms after the last good controls ({:.0} ms by the clock); \
+             first command {:+.0} N, {:.2} deg of gimbal",
             h.to.map_or("nobody", |to| match to {
                 Source::Fc => "the FC",
                 Source::Autopilot => "the autopilot",
@@ -91,7 +92,8 @@ fn handovers(text: &mut Lines, report: &Report) {
             h.gimbal_step_deg
         ));
         text.line(format!(
-            "               tilt {:.2} deg before, {:.2} after; rate {:.2} and {:.2} deg/s; velocity changed by {:.2} m/s in 2 s",
+            "               tilt {:.2} deg before, {:.2} after; rate {:.2} and {:.2} deg/s; \
+             velocity changed by {:.2} m/s in 2 s",
             h.before.tilt_deg, h.after.tilt_deg, h.before.rate_deg_s, h.after.rate_deg_s, h.speed_change_m_s
         ));
     }
@@ -124,7 +126,8 @@ fn propellant(text: &mut Lines, report: &Report) {
         _ => String::new(),
     };
     text.line(format!(
-        "used           N2O {:.3} kg ({:.3} left{vapor}), fuel {:.3} kg ({:.3} left), nitrogen {:.3} kg by thrusters, {:.3} vented{through}",
+        "used           N2O {:.3} kg ({:.3} left{vapor}), fuel {:.3} kg ({:.3} left), nitrogen \
+         {:.3} kg by thrusters, {:.3} vented{through}",
         p.nitrous_used_kg,
         p.nitrous_left_kg,
         p.fuel_used_kg,

@@ -160,8 +160,9 @@ impl ThrottleMap {
 
     /// The table as comma-separated values, columns as the keys of a point; a field is empty where a key is null.
     pub fn csv(&self) -> String {
-        let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,of_ratio,chamber_pa,\
-             injector_inlet_pa,quality,thrust_n,isp_s,saturated,below_minimum_command,of_clamped,nozzle\n"
+        let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,\
+             of_ratio,chamber_pa,injector_inlet_pa,quality,thrust_n,isp_s,saturated,\
+             below_minimum_command,of_clamped,nozzle\n"
             .to_owned();
         for row in &self.points {
             let p = &row.point;
@@ -208,7 +209,8 @@ impl ThrottleMap {
         let title = format!("Throttle map of {}", self.vehicle);
         area.draw(&Text::new(title, (px(24), px(18)), text_style(26, &TEXT)))?;
         let condition = format!(
-            "steady, lit; port radius {:.1} mm, throat radius {:.2} mm, N2O at {:.1} bar and {:.1} K; 100 % = {:.0} N",
+            "steady, lit; port radius {:.1} mm, throat radius {:.2} mm, N2O at {:.1} bar and {:.1} K; \
+             100 % = {:.0} N",
             self.port_radius_mm, self.throat_radius_mm, self.tank_bar, self.tank_k, self.thrust_rated_n
         );
         area.draw(&Text::new(condition, (px(24), px(52)), text_style(15, &MUTED)))?;

@@ -5,7 +5,8 @@ use hopbench::propulsion::ValveMapCheck;
 /// The check in words: rows, ends, and how closely angles come back from their areas.
 pub fn text(map: &ValveMapCheck) -> String {
     let mut text = format!(
-        "Valve map: {} rows of {}, shut to {:.3} deg, open at {:.3} deg with {:.3} mm2; angle to area to angle within {:.1e} deg",
+        "Valve map: {} rows of {}, shut to {:.3} deg, open at {:.3} deg with {:.3} mm2; \
+         angle to area to angle within {:.1e} deg",
         map.rows,
         map.measure,
         map.shut_deg,

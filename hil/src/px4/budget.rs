@@ -154,8 +154,8 @@ pub fn hop_budget(vehicle: &Vehicle, hop: &Hop) -> Result<Budget, Invalid> {
         "allowed a lower hop".to_owned()
     };
     let message = format!(
-        "a hop to {} m with {} s of hover leaves less than {RESERVE_FRACTION} of nitrous oxide or fuel at any \
-         pace{burnt_through}; {allowed}",
+        "a hop to {} m with {} s of hover leaves less than {RESERVE_FRACTION} of nitrous oxide or fuel at \
+         any pace{burnt_through}; {allowed}",
         hop.height_m, hop.hold_s
     );
     Err(Invalid::new("--hold-s", message))

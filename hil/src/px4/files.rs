@@ -94,7 +94,8 @@ fn parameter_file(airframe: &Airframe, target: Target) -> String {
 /// What all files begin with.
 fn heading(airframe: &Airframe) -> String {
     let mut text = format!(
-        "# Written by `hopbench px4-params` for {}; names and meanings of PX4 v1.16.1. Not yet flown on PX4 itself.\n",
+        "# Written by `hopbench px4-params` for {}; names and meanings of PX4 v1.16.1. \
+         Not yet flown on PX4 itself.\n",
         airframe.vehicle
     );
     for line in budget_table(&airframe.budget).lines() {
@@ -124,7 +125,8 @@ pub fn budget_table(budget: &Budget) -> String {
         );
     }
     text + &format!(
-        "{:<18} {:>8.1} {:>8.2} {:>8.3}\n{:<18} {:>8} {:>6.0} % {:>6.0} %\nLongest hover that leaves {:.0} % of both: {:.1} s.\n",
+        "{:<18} {:>8.1} {:>8.2} {:>8.3}\n{:<18} {:>8} {:>6.0} % {:>6.0} %\n\
+         Longest hover that leaves {:.0} % of both: {:.1} s.\n",
         "all",
         budget.burn_s,
         budget.legs.iter().map(|leg| leg.nitrous_kg).sum::<f64>(),

@@ -102,14 +102,16 @@ impl Lander {
         let weight_n = self.weight_n();
         if self.lever_m < LEAST_LEVER_M {
             let message = format!(
-                "the centre of mass is {:.3} m above the gimbal pivot; a gimbal steers from {LEAST_LEVER_M} m",
+                "the centre of mass is {:.3} m above the gimbal pivot; \
+                 a gimbal steers from {LEAST_LEVER_M} m",
                 self.lever_m
             );
             return Err(Invalid::new("component", message));
         }
         if weight_n > MOST_HOVER_SHARE * self.thrust_max_n {
             let message = format!(
-                "{:.0} N carries {weight_n:.0} N of weight at less than {MOST_HOVER_SHARE} of it; allowed from {:.0} N",
+                "{:.0} N carries {weight_n:.0} N of weight at less than {MOST_HOVER_SHARE} of it; \
+                 allowed from {:.0} N",
                 self.thrust_max_n,
                 weight_n / MOST_HOVER_SHARE
             );
@@ -117,7 +119,8 @@ impl Lander {
         }
         if self.thrust_min_n > MOST_IDLE_SHARE * weight_n {
             let message = format!(
-                "{:.0} N under {weight_n:.0} N of weight leaves nothing to descend with; allowed up to {:.0} N",
+                "{:.0} N under {weight_n:.0} N of weight leaves nothing to descend with; \
+                 allowed up to {:.0} N",
                 self.thrust_min_n,
                 MOST_IDLE_SHARE * weight_n
             );
@@ -127,7 +130,8 @@ impl Lander {
         for (axis, key) in [(0, "gimbal.limit_rad"), (1, "gimbal.limit_rad"), (2, "rcs.thrust_n")] {
             if effect[axis] < LEAST_EFFECT_RAD_S2 {
                 let message = format!(
-                    "full command turns the vehicle at {:.3} rad/s² about FRD {}; PX4 needs {LEAST_EFFECT_RAD_S2}",
+                    "full command turns the vehicle at {:.3} rad/s² about FRD {}; \
+                     PX4 needs {LEAST_EFFECT_RAD_S2}",
                     effect[axis],
                     ["x", "y", "z"][axis]
                 );

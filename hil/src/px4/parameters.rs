@@ -179,7 +179,8 @@ fn attitude(inputs: &Inputs<'_>, list: &mut List) {
         let bandwidth = gains.p * effect;
         let from = if axis < 2 {
             format!(
-                "{bandwidth:.1} rad/s over {effect:.3} rad/s² a unit: {:.0} N x {:.3} m x sin {:.1} deg / {:.2} kg m²",
+                "{bandwidth:.1} rad/s over {effect:.3} rad/s² a unit: {:.0} N x {:.3} m \
+                 x sin {:.1} deg / {:.2} kg m²",
                 lander.weight_n(),
                 lander.lever_m,
                 lander.gimbal_limit_rad.to_degrees(),
@@ -224,7 +225,8 @@ fn gyro_filter(tuning: &Tuning, list: &mut List) {
     let why = match tuning.swing_zero_rad_s {
         None => "Hz; PX4's own".to_owned(),
         Some(zero) => format!(
-            "Hz; from {zero:.1} rad/s on the swinging engine works backward: gain margin {:.1} with this filter",
+            "Hz; from {zero:.1} rad/s on the swinging engine works backward: \
+             gain margin {:.1} with this filter",
             tuning.gain_margin
         ),
     };
@@ -292,7 +294,12 @@ fn pace(inputs: &Inputs<'_>, list: &mut List) {
     list.real("MPC_ACC_HOR_MAX", 1.5, "m/s²; 9 deg of tilt, under MPC_TILTMAX_AIR");
     list.real("MPC_JERK_AUTO", JERK_M_S3, "m/s³; as flown");
     list.real("MPC_JERK_MAX", 2.0, "m/s³; as flown");
-    list.real("MPC_XY_ERR_MAX", 5.0, "m; beyond this error PX4 neither climbs nor lands, and PX4's 2 is less than a gust and its GNSS wander");
+    list.real(
+        "MPC_XY_ERR_MAX",
+        5.0,
+        "m; beyond this error PX4 neither climbs nor lands, \
+         and PX4's 2 is less than a gust and its GNSS wander",
+    );
     list.integer("MPC_YAW_MODE", 5, "heading fixed: turned toward a waypoint, a slow axis spirals");
     list.real(
         "MPC_YAWRAUTO_MAX",

@@ -90,7 +90,7 @@ impl Disruption {
             way.dark = effect_of_way.disconnected || effect.fc.brown_out;
         }
         let before = std::mem::replace(&mut self.fc, effect.fc);
-        self.settle();
+        self.update_clear();
         (effect.fc.reboots && !before.reboots) || (before.brown_out && !effect.fc.brown_out)
     }
 
@@ -104,7 +104,7 @@ impl Disruption {
     pub(crate) fn carry_to_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime) -> (u64, Option<Sample>) {
         self.to_fc.put(bytes, now, |_| {});
         let delivered = self.to_fc.deliver(bytes, now);
-        self.settle();
+        self.update_clear();
         delivered
     }
 
@@ -113,13 +113,13 @@ impl Disruption {
     pub(crate) fn carry_from_fc(&mut self, bytes: &mut Vec<u8>, now: SimTime, answer: impl FnMut(Sample)) {
         self.from_fc.put(bytes, now, answer);
         self.from_fc.deliver(bytes, now);
-        self.settle();
+        self.update_clear();
     }
 
     /// The other end has gone or come: the rest of a frame will not follow.
     pub(crate) fn forget_tails(&mut self) {
         self.from_fc.tail.clear();
-        self.settle();
+        self.update_clear();
     }
 
     /// What became of frames, once anything was broken.
@@ -127,7 +127,7 @@ impl Disruption {
         self.acted.then_some(Disrupted { to_fc: self.to_fc.counts, from_fc: self.from_fc.counts })
     }
 
-    fn settle(&mut self) {
+    fn update_clear(&mut self) {
         self.clear = self.to_fc.is_clear() && self.from_fc.is_clear();
     }
 }

@@ -1,8 +1,9 @@
-//! What a flight controller and a ground station say to the bench, in words of no protocol: controls, status,
-//! inquiries.
+//! What a flight controller and a ground station ask, MAVLink turned into words of no protocol; `bench/carry_out.rs`
+//! carries it out.
 //!
-//! MAVLink becomes these here, and what is sent in answer becomes MAVLink in [`super::reply`] and
-//! [`super::stream`]; whoever steps the plant knows of no message.
+//! Controls and status become such words here too, and what is sent in answer becomes MAVLink in [`super::reply`] and
+//! [`super::stream`]; whoever steps the plant knows of no message. One number of MAVLink passes: that of a message
+//! whose rate is asked, since a refusal names it.
 //!
 //! | command | request |
 //! |---|---|
@@ -64,7 +65,7 @@ pub(crate) enum Request {
     Mend(Vec<Component>, Option<Mode>),
     /// How often a message comes.
     Interval {
-        /// Its number.
+        /// Its number, one of [`crate::wire::mavlink::id`] or one that nobody sends.
         message: u32,
         /// `None` never, 0 its default (us).
         interval_us: Option<u64>,

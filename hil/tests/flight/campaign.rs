@@ -63,7 +63,8 @@ fn every_hop_of_both_vehicles_lands_within_limits_and_hovers_on_its_reference() 
             assert_eq!(figure(row, "aborts"), 0.0, "{name}, seed {}", row.seed);
         }
         eprintln!(
-            "{name}: worst hover rms altitude {:.3} lateral {:.3} m, touchdown {:.3} down {:.3} m/s across, {:.2} deg, {:.3} m",
+            "{name}: worst hover rms altitude {:.3} lateral {:.3} m, touchdown {:.3} down {:.3} m/s across, \
+             {:.2} deg, {:.3} m",
             greatest(&rows, "altitude_control_rms_m"),
             greatest(&rows, "lateral_control_rms_m"),
             greatest(&rows, "touchdown_vertical_speed_m_s"),

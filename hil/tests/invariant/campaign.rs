@@ -195,7 +195,8 @@ fn drawn_columns_tell_their_unit() {
     let (_, whole) = whole();
     let head = flights(whole).lines().next().unwrap().to_owned();
     let expected = "run,seed,variant,wind.mean_speed_m_s,mass [share of vehicle.component.*.mass_kg],\
-        centre of mass.0 [vehicle.component.0.position_m],centre of mass.1 [vehicle.component.0.position_m],outcome,";
+        centre of mass.0 [vehicle.component.0.position_m],centre of mass.1 \
+        [vehicle.component.0.position_m],outcome,";
     assert!(head.starts_with(expected), "{head}");
 }
 
@@ -228,7 +229,8 @@ fn one_flight_alone_is_the_same_bits() {
 fn variants_meet_on_the_same_seeds() {
     let folder = folder("variants");
     let rest = format!(
-        "runs = 3\n{DISPERSIONS}\n[[variant]]\nname = \"soft\"\n[[variant]]\nname = \"hard\"\nset = {{ \"mission.terminal_speed_m_s\" = 1.4 }}\n"
+        "runs = 3\n{DISPERSIONS}\n[[variant]]\nname = \"soft\"\n\
+         [[variant]]\nname = \"hard\"\nset = {{ \"mission.terminal_speed_m_s\" = 1.4 }}\n"
     );
     let file = campaign(&folder, &rest);
     let out = folder.join("out");

@@ -105,8 +105,8 @@ fn lockstep_outlives_loss_delay_and_duplication() {
     let missing = seen.newest_us / STEP_US - seen.samples.len() as u64;
     let answers_lost = disrupted.from_fc.dropped;
     println!(
-        "{} steps in {:.1} s: {missing} samples and {answers_lost} answers lost, {} samples twice; {} stalls, {} by the \
-         fault, {} answered late, longest {:.1} ms, {:.1} s in all",
+        "{} steps in {:.1} s: {missing} samples and {answers_lost} answers lost, {} samples twice; \
+         {} stalls, {} by the fault, {} answered late, longest {:.1} ms, {:.1} s in all",
         timing.steps,
         start.elapsed().as_secs_f64(),
         seen.again,
@@ -167,9 +167,12 @@ fn watch(newest_us: &AtomicU64, over: &AtomicBool) {
 #[test]
 fn the_hop_lands_on_a_wire_that_loses_and_doubles_one_frame_in_a_hundred() {
     let faults = "fault = [\
-        {component = \"wire_to_fc\", mode = \"drop\", value = 0.01}, {component = \"wire_from_fc\", mode = \"drop\", value = 0.01}, \
-        {component = \"wire_to_fc\", mode = \"duplicate\", value = 0.01}, {component = \"wire_from_fc\", mode = \"duplicate\", value = 0.01}, \
-        {component = \"wire_to_fc\", mode = \"delay\", value = 0.004}, {component = \"wire_from_fc\", mode = \"delay\", value = 0.004}]";
+        {component = \"wire_to_fc\", mode = \"drop\", value = 0.01}, \
+        {component = \"wire_from_fc\", mode = \"drop\", value = 0.01}, \
+        {component = \"wire_to_fc\", mode = \"duplicate\", value = 0.01}, \
+        {component = \"wire_from_fc\", mode = \"duplicate\", value = 0.01}, \
+        {component = \"wire_to_fc\", mode = \"delay\", value = 0.004}, \
+        {component = \"wire_from_fc\", mode = \"delay\", value = 0.004}]";
     let options = Options { lockstep_timeout: Duration::from_millis(10), ..lockstep(&GENERIC) };
     let report = flown(&[faults, "fc_timeout_ms=10000"], options, |_| false);
     assert_eq!(report.outcome, Outcome::Landed, "{:#?}", report.events);

@@ -175,7 +175,8 @@ pub fn merge(campaign: &Campaign, folders: &[PathBuf]) -> Result<Vec<(Slot, Row)
     let missing: Vec<&Slot> = slots.iter().filter(|slot| !rows.contains_key(slot)).collect();
     if let Some(first) = missing.first() {
         let message = format!(
-            "these folders lack {} of {} flights, the first of seed {}; flown with --runs N they merge with --runs N",
+            "these folders lack {} of {} flights, the first of seed {}; \
+             flown with --runs N they merge with --runs N",
             missing.len(),
             slots.len(),
             campaign.seed(first.run)

@@ -34,7 +34,8 @@ pub fn touchdown(title: &str, rows: &[&Row], success: &Success) -> Result<String
     ];
     let touched = rows.iter().filter(|row| row.figure("touchdown_time_s").is_some()).count();
     let note = format!(
-        "at first pad contact: {touched} of {} flights touched down; red: over the limit, the last bar all that lies beyond",
+        "at first pad contact: {touched} of {} flights touched down; red: over the limit, \
+         the last bar all that lies beyond",
         rows.len()
     );
     svg(SIZE, |root| {
@@ -132,7 +133,8 @@ pub fn position(title: &str, rows: &[&Row]) -> Result<String> {
         let point = |row: &&Row| Some((row.figure(east)?, row.figure(north)?, row.success));
         rows.iter().filter_map(point).collect()
     };
-    let note = "pivot at first pad contact from the target; red: flights that failed; the ring is 1 m, the cross the target";
+    let note = "pivot at first pad contact from the target; red: flights that failed; the ring is 1 m, \
+        the cross the target";
     svg(SIZE_OF_POSITIONS, |root| {
         let rest = head(root, &format!("Touchdown position of {title}"), note)?;
         let areas = rest.margin(0, px(10), px(10), px(20)).split_evenly((1, 2));

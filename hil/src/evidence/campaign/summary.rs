@@ -457,7 +457,8 @@ impl Comparison {
     fn write(&self, text: &mut String) {
         let _ = writeln!(
             text,
-            "\n{} against {}, same seeds: both succeed {}, only {} {}, only {} {}, neither {}; McNemar p = {:.4}",
+            "\n{} against {}, same seeds: both succeed {}, only {} {}, only {} {}, neither {}; \
+             McNemar p = {:.4}",
             self.second,
             self.first,
             self.both,

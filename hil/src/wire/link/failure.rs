@@ -33,7 +33,8 @@ impl OpenFailure {
             io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
             io::ErrorKind::NotFound => "; no such port or host",
             io::ErrorKind::PermissionDenied => {
-                "; may this user open it? For a serial port: sudo usermod -aG dialout $USER, then log in again"
+                "; may this user open it? For a serial port: sudo usermod -aG dialout $USER, \
+                 then log in again"
             }
             _ => "",
         };

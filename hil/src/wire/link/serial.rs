@@ -245,7 +245,8 @@ fn baud_is(asked: u32, actual: u32) -> Result<(), OpenFailure> {
         return Ok(());
     }
     let cause = format!(
-        "{asked} baud refused, the driver makes {actual} of it; allowed: what lies within 2 % of a rate it can make"
+        "{asked} baud refused, the driver makes {actual} of it; allowed: \
+         what lies within 2 % of a rate it can make"
     );
     Err(OpenFailure { kind: io::ErrorKind::InvalidInput, cause })
 }

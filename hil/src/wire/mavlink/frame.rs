@@ -107,6 +107,8 @@ pub const RESULT_DENIED: u8 = 2;
 pub const RESULT_UNSUPPORTED: u8 = 3;
 /// MAV_COMP_ID_AUTOPILOT1
 pub const AUTOPILOT_COMPONENT: u8 = 1;
+/// MAV_AUTOPILOT_ARDUPILOTMEGA
+pub const AUTOPILOT_ARDUPILOT: u8 = 3;
 /// MAV_AUTOPILOT_PX4
 pub const AUTOPILOT_PX4: u8 = 12;
 /// MAV_AUTOPILOT_INVALID: a component that is no flight controller.

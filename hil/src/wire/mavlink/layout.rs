@@ -1,4 +1,4 @@
-//! Numbers and lengths of messages, as the dialect has them: no other file knows any.
+//! Numbers and lengths of messages, as the dialect has them; numbers of commands stand in `frame.rs`.
 
 use ::mavlink::MessageData;
 use ::mavlink::dialects::common as dialect;
@@ -55,7 +55,7 @@ pub(crate) mod id {
 }
 
 /// Lengths of whole frames, MAVLink 2, unsigned, without a trailing zero cut (byte).
-pub(crate) mod frame_bytes {
+pub mod frame_bytes {
     use super::{FRAMING_BYTES, MessageData, dialect};
 
     pub(crate) const HEARTBEAT: usize = of::<dialect::HEARTBEAT_DATA>();
@@ -64,8 +64,10 @@ pub(crate) mod frame_bytes {
     pub(crate) const ATTITUDE_QUATERNION: usize = of::<dialect::ATTITUDE_QUATERNION_DATA>();
     pub(crate) const LOCAL_POSITION_NED: usize = of::<dialect::LOCAL_POSITION_NED_DATA>();
     pub(crate) const GLOBAL_POSITION_INT: usize = of::<dialect::GLOBAL_POSITION_INT_DATA>();
-    pub(crate) const HIL_ACTUATOR_CONTROLS: usize = of::<dialect::HIL_ACTUATOR_CONTROLS_DATA>();
-    pub(crate) const HIL_SENSOR: usize = of::<dialect::HIL_SENSOR_DATA>();
+    /// HIL_ACTUATOR_CONTROLS
+    pub const HIL_ACTUATOR_CONTROLS: usize = of::<dialect::HIL_ACTUATOR_CONTROLS_DATA>();
+    /// HIL_SENSOR
+    pub const HIL_SENSOR: usize = of::<dialect::HIL_SENSOR_DATA>();
     pub(crate) const HIL_GPS: usize = of::<dialect::HIL_GPS_DATA>();
     pub(crate) const HIL_STATE_QUATERNION: usize = of::<dialect::HIL_STATE_QUATERNION_DATA>();
     pub(crate) const DISTANCE_SENSOR: usize = of::<dialect::DISTANCE_SENSOR_DATA>();

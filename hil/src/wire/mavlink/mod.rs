@@ -24,12 +24,12 @@ pub use decoder::{Counters, Decoder};
 pub(crate) use decoder::{Piece, next_piece, sample_time_us};
 pub use encoder::Encoder;
 pub use frame::{
-    AUTOPILOT_COMPONENT, AUTOPILOT_INVALID, AUTOPILOT_PX4, Command, ControlsFrame, Frame, FromFc,
-    GUIDED_ENABLE, Heartbeat, INJECT_FAILURE, MODE_ARMED, MODE_HIL, PAUSE_CONTINUE, ParameterKey, REBOOT,
-    RESULT_ACCEPTED, RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL,
+    AUTOPILOT_ARDUPILOT, AUTOPILOT_COMPONENT, AUTOPILOT_INVALID, AUTOPILOT_PX4, Command, ControlsFrame,
+    Frame, FromFc, GUIDED_ENABLE, Heartbeat, INJECT_FAILURE, MODE_ARMED, MODE_HIL, PAUSE_CONTINUE,
+    ParameterKey, REBOOT, RESULT_ACCEPTED, RESULT_DENIED, RESULT_UNSUPPORTED, SET_MESSAGE_INTERVAL,
 };
-pub use layout::is_hil;
-pub(crate) use layout::{LONGEST_FRAME_BYTES, frame_bytes, id};
+pub(crate) use layout::{LONGEST_FRAME_BYTES, id};
+pub use layout::{frame_bytes, is_hil};
 pub use message::{
     Severity, actuator_controls, heartbeat, is_reboot, parameter_value, reboot, status_text, system_time,
 };

@@ -1,4 +1,4 @@
-//! What a person sees while the bench waits and while it flies.
+//! The words for a person: that nobody has come yet, then the line of where the run is. `live.rs` prints them.
 
 use hopbench::event::Phase;
 use hopbench::signal::{ActuatorCommand, Throttle};
@@ -13,11 +13,11 @@ const WAITING_EVERY_NS: u64 = 1_000_000_000;
 
 /// Says that nobody has come, and then shows where the run is.
 #[derive(Debug)]
-pub(super) struct Show {
+pub(super) struct StatusLine {
     next_waiting_ns: u64,
 }
 
-impl Show {
+impl StatusLine {
     pub(super) fn begin() -> Self {
         Self { next_waiting_ns: now_ns() + WAITING_EVERY_NS }
     }
