@@ -180,7 +180,8 @@ impl Plant {
             }
             self.discrete.saturated = Some(now);
         }
-        let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
+        let valve_rad =
+            if self.options.ideal { valve_rad } else { self.vehicle.rounded_to_encoder(valve_rad) };
         self.discrete.demand = Demand { throttle, solved: Some(now), valve_rad, thrust_n };
     }
 }
