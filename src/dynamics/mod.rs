@@ -1,11 +1,10 @@
 //! Motion of the vehicle: its changing mass, the liquid that swings in it, the forces that act on it.
 //!
 //! [`mass`] turns contents into mass, first moment and inertia and their rates, [`mass_report`] reads dry
-//! parts from a CAD program; [`slosh`] gives the
-//! first sloshing mode of the liquid; [`aerodynamics`] and [`landing_gear`] give loads;
-//! [`rigid_body`] balances momentum and answers with accelerations. Everything is in body FRD about
-//! the gimbal pivot O; scalar heights of the vehicle file (`..._z_m`) are positive toward the nose, so
-//! `z_frd = -z`.
+//! parts from a CAD program; [`slosh`] gives the sloshing modes of the liquid; [`aerodynamics`] and
+//! [`landing_gear`] give loads; [`rigid_body`] balances momentum and answers with accelerations.
+//! Everything is in body FRD about the gimbal pivot O; parameters are in the structural frame, and scalar
+//! heights of the vehicle file (`..._z_m`) are positive toward the nose, so `z_frd = -z`.
 
 pub mod aerodynamics;
 pub mod landing_gear;
