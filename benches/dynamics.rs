@@ -6,11 +6,11 @@
 mod motion;
 
 use hopbench::actuator::{Gimbal, ServoMemory, ServoState};
-use hopbench::dynamics::Load;
-use hopbench::dynamics::landing_gear::{Anchors, Grip, LandingGear, Motion};
+use hopbench::dynamics::landing_gear::{Anchors, Grip, LandingGear};
 use hopbench::dynamics::mass::{ContentsRate, FlowTerms, Outflow};
 use hopbench::dynamics::rigid_body::{GimbalMotion, Swing, accelerations};
 use hopbench::dynamics::slosh::SloshState;
+use hopbench::dynamics::{Kinematics, Load};
 use hopbench::frame::{Mat3, Vec3};
 use motion::{FULL, balance, full_mode, reference_vehicle};
 use nalgebra::Vector2;
@@ -74,7 +74,7 @@ fn main() {
 
     let gear: LandingGear = reference.section("landing_gear");
     let pads = gear.pads_body_m();
-    let mut motion = Motion {
+    let mut motion = Kinematics {
         position_ned_m: Vec3::new(0.0, 0.0, -0.745),
         velocity_ned_m_s: Vec3::new(0.1, 0.0, 0.2),
         ned_from_body: Mat3::identity(),

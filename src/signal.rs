@@ -39,14 +39,15 @@ pub struct Discrete {
     pub igniter: bool,
     /// Opens the oxidiser isolation valve.
     pub isolation_open: bool,
-    /// Shuts the run-tank vent, which is open without power.
+    /// Shuts the run-tank vent; where it goes without power, the vehicle file says.
     pub vent_shut: bool,
     /// Releases the hold-down.
     pub hold_down_released: bool,
 }
 
 impl Discrete {
-    /// Everything without power: igniter off, isolation shut, vent open, held down.
+    /// Nothing commanded: igniter off, isolation shut, vent open, held down. Where the valves go without
+    /// power, the vehicle file says.
     pub const SAFE: Self =
         Self { igniter: false, isolation_open: false, vent_shut: false, hold_down_released: false };
     /// Everything as it is in flight.

@@ -15,10 +15,10 @@ pub fn unusable(file: &Path, message: impl Into<String>) -> InputError {
 }
 
 /// Scenario and vehicle contradict each other, found when a flight is set up.
-pub fn contradiction(file: &Path, fault: hopbench::input::Invalid) -> InputError {
+pub fn contradiction(file: &Path, invalid: hopbench::input::Invalid) -> InputError {
     InputError {
         file: file.display().to_string(),
-        diagnostics: vec![Diagnostic { line: None, key: fault.key, message: fault.message }],
+        diagnostics: vec![Diagnostic { line: None, key: invalid.key, message: invalid.message }],
     }
 }
 

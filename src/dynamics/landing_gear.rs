@@ -19,9 +19,9 @@
 //! Contact Force Models for Multibody Dynamics, 2016). Valid for flat level ground and small leg travel;
 //! legs have no mass and pads no size.
 
-use super::Load;
 use super::mass::MassProperties;
-use crate::frame::{Mat3, Vec3, skew};
+use super::{Kinematics, Load};
+use crate::frame::{Vec3, skew};
 use core::f64::consts::TAU;
 use nalgebra::{Matrix3x6, Matrix6, Vector2};
 
@@ -88,31 +88,6 @@ pub enum Grip {
     Held,
     /// Released: ground pushes and rubs.
     Free,
-}
-
-/// Where the vehicle is and how it moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
-    /// Position of the gimbal pivot (m).
-    pub position_ned_m: Vec3,
-    /// Its velocity (m/s).
-    pub velocity_ned_m_s: Vec3,
-    /// Body axes to NED.
-    pub ned_from_body: Mat3,
-    /// Body rate (rad/s).
-    pub rate_body_rad_s: Vec3,
-}
-
-impl Motion {
-    /// Place of a body point in NED (m).
-    pub fn point_ned_m(&self, position_body_m: Vec3) -> Vec3 {
-        self.position_ned_m + self.ned_from_body * position_body_m
-    }
-
-    /// Velocity of a body point in NED (m/s).
-    pub(crate) fn point_velocity_ned_m_s(&self, position_body_m: Vec3) -> Vec3 {
-        self.velocity_ned_m_s + self.ned_from_body * self.rate_body_rad_s.cross(&position_body_m)
-    }
 }
 
 /// North and east of the place where each pad stands; `None`: in the air at the last step.
@@ -182,7 +157,7 @@ impl LandingGear {
     pub fn contact(
         &self,
         pads_body_m: &[Vec3; MAX_LEGS],
-        motion: &Motion,
+        motion: &Kinematics,
         ground_down_m: f64,
         anchors: &Anchors,
         grip: Grip,
@@ -197,7 +172,7 @@ impl LandingGear {
     fn near_contact(
         &self,
         pads_body_m: &[Vec3; MAX_LEGS],
-        motion: &Motion,
+        motion: &Kinematics,
         ground_down_m: f64,
         anchors: &Anchors,
         grip: Grip,
@@ -238,7 +213,7 @@ impl LandingGear {
     pub fn anchors_after(
         &self,
         pads_body_m: &[Vec3; MAX_LEGS],
-        motion: &Motion,
+        motion: &Kinematics,
         ground_down_m: f64,
         anchors: &Anchors,
         grip: Grip,
@@ -317,7 +292,7 @@ impl LandingGear {
     pub fn spring_energy_j(
         &self,
         pads_body_m: &[Vec3; MAX_LEGS],
-        motion: &Motion,
+        motion: &Kinematics,
         ground_down_m: f64,
         anchors: &Anchors,
     ) -> f64 {
@@ -350,7 +325,7 @@ impl LandingGear {
 
     /// Whether no pad can reach the ground at any attitude: the quick way out in flight.
     #[inline]
-    pub(crate) fn clear_of_ground(&self, motion: &Motion, ground_down_m: f64) -> bool {
+    pub(crate) fn clear_of_ground(&self, motion: &Kinematics, ground_down_m: f64) -> bool {
         let height_m = ground_down_m - motion.position_ned_m.z;
         height_m > self.pad_radius_m + self.pad_z_m.abs()
     }
@@ -360,7 +335,7 @@ impl LandingGear {
 /// nose there means a crash.
 pub fn deepest_below_ground(
     points_body_m: &[Vec3],
-    motion: &Motion,
+    motion: &Kinematics,
     ground_down_m: f64,
 ) -> Option<(usize, f64)> {
     let mut deepest = None;

@@ -13,22 +13,18 @@
 use crate::frame::{Mat3, Vec3, frd_from_structural, inertia_frd_from_structural, point_inertia};
 use core::f64::consts::PI;
 
-/// A dry part, one `[[component]]` of a vehicle file.
-#[derive(Clone, Debug, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
+/// A dry part with its mass properties, structural frame.
+#[derive(Clone, Debug)]
 pub struct Component {
     /// Name of the part.
     pub name: String,
     /// Mass (kg).
-    #[schemars(range(min = 0.0, max = 10000.0))]
     pub mass_kg: f64,
     /// Centre of mass from the gimbal pivot, structural frame (m).
-    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub position_m: [f64; 3],
     /// Inertia about the part's own centre of mass in structural axes (kg m²), tensor convention, symmetric.
     pub inertia_kg_m2: [[f64; 3]; 3],
     /// Whether the part turns with the gimbal.
-    #[serde(default)]
     pub swings: bool,
 }
 
@@ -59,7 +55,8 @@ impl Component {
             return Err(crate::input::Invalid::new(
                 "inertia_kg_m2",
                 format!(
-                    "{}: principal moments {a:.4}, {b:.4}, {c:.4}: none may be negative or above the sum of the others",
+                    "{}: principal moments {a:.4}, {b:.4}, {c:.4}: \
+                     none may be negative or above the sum of the others",
                     self.name
                 ),
             ));
@@ -109,7 +106,7 @@ pub struct GrainGeometry {
 
 impl GrainGeometry {
     /// What of the grain does not change in flight.
-    fn sums(&self) -> GrainSums {
+    fn constants(&self) -> GrainConstants {
         let n = f64::from(self.port_count);
         let ro2 = self.outer_radius_m * self.outer_radius_m;
         let column = self.fuel_density_kg_m3 * self.length_m * PI; // [kg/m²]
@@ -123,55 +120,55 @@ impl GrainGeometry {
         let z = -(self.top_z_m - 0.5 * self.length_m);
         let shape = self.length_m * self.length_m / 12.0 + z * z; // [m²]
         let disc = 0.25 * ro2 * ro2;
-        GrainSums {
+        GrainConstants {
             port_count: n,
             outer_radius_2: ro2,
             column,
             z,
-            disc: column * Vec3::new(disc + ro2 * shape, disc + ro2 * shape, 2.0 * disc),
+            unported_inertia: column * Vec3::new(disc + ro2 * shape, disc + ro2 * shape, 2.0 * disc),
             ports: column * Vec3::new(sum_y2 + n * shape, sum_x2 + n * shape, sum_x2 + sum_y2),
         }
     }
 }
 
 /// Constants of a grain: with q the square of the port radius, `mass = column (Ro² - N q)` and inertia
-/// `disc - q (ports + column N q (1/4, 1/4, 1/2))` about the axes of O.
+/// `unported_inertia - q (ports + column N q (1/4, 1/4, 1/2))` about the axes of O.
 #[derive(Clone, Copy, Debug)]
-struct GrainSums {
+struct GrainConstants {
     port_count: f64,
     outer_radius_2: f64,
-    /// Fuel per cross-section (kg/m²).
+    /// ρ π L: fuel mass per squared radius (kg/m²).
     column: f64,
     z: f64,
     /// Inertia of the grain without ports.
-    disc: Vec3,
-    /// Of that, what ports of no size would take per square of their radius.
+    unported_inertia: Vec3,
+    /// Inertia that thin ports remove, per squared port radius (kg).
     ports: Vec3,
 }
 
-impl GrainSums {
+impl GrainConstants {
     /// The grain at a port radius (m) that grows at a rate (m/s).
     #[inline]
-    fn solid(&self, r: f64, r_dot: f64) -> Axial {
+    fn contribution(&self, r: f64, r_dot: f64) -> AxialContribution {
         let (q, q_dot) = (r * r, 2.0 * r * r_dot);
         let (nq, nq_dot) = (self.port_count * q, self.port_count * q_dot);
         if self.outer_radius_2 <= nq {
-            return Axial::default();
+            return AxialContribution::default();
         }
         // Second moments of area of disc less ports: π (Ro⁴ - N R⁴)/4 about a diameter, twice that about
         // the axis; a port off the axis takes π R² d² more.
         let (mass, mass_dot) = (self.column * (self.outer_radius_2 - nq), -self.column * nq_dot);
         let port = self.column * nq;
-        Axial {
+        AxialContribution {
             mass,
             mass_dot,
             moment: mass * self.z,
             moment_dot: mass_dot * self.z,
-            xx: self.disc.x - q * (self.ports.x + 0.25 * port),
+            xx: self.unported_inertia.x - q * (self.ports.x + 0.25 * port),
             xx_dot: -q_dot * (self.ports.x + 0.5 * port),
-            yy: self.disc.y - q * (self.ports.y + 0.25 * port),
+            yy: self.unported_inertia.y - q * (self.ports.y + 0.25 * port),
             yy_dot: -q_dot * (self.ports.y + 0.5 * port),
-            zz: self.disc.z - q * (self.ports.z + 0.5 * port),
+            zz: self.unported_inertia.z - q * (self.ports.z + 0.5 * port),
             zz_dot: -q_dot * (self.ports.z + port),
         }
     }
@@ -239,7 +236,7 @@ impl MassProperties {
     }
 
     #[inline]
-    fn add_axial(&mut self, part: &Axial) {
+    fn add_axial(&mut self, part: &AxialContribution) {
         self.mass_kg += part.mass;
         self.first_moment_kg_m.z += part.moment;
         self.inertia_kg_m2[(0, 0)] += part.xx;
@@ -304,10 +301,10 @@ impl FlowTerms {
         }
         self.momentum_body_kg_m_s += r * flow;
         if r.x == 0.0 && r.y == 0.0 {
-            // The nozzle: nothing but its lever about the lateral axes.
-            let lever = r.z * r.z * flow;
-            self.jet_damping_kg_m2_s[(0, 0)] += lever;
-            self.jet_damping_kg_m2_s[(1, 1)] += lever;
+            // On the long axis (nozzle, vent): only the lateral axes are damped.
+            let damping = r.z * r.z * flow;
+            self.jet_damping_kg_m2_s[(0, 0)] += damping;
+            self.jet_damping_kg_m2_s[(1, 1)] += damping;
         } else {
             self.jet_damping_kg_m2_s += point_inertia(r) * flow;
         }
@@ -332,14 +329,14 @@ pub struct MassModel {
     dry_swinging: MassProperties,
     tank: TankGeometry,
     bottle: BottleGeometry,
-    grain_sums: GrainSums,
+    grain: GrainConstants,
     bottle_length_m: f64,
     roll_inertia_factor: f64,
 }
 
 impl MassModel {
-    /// From components in body FRD. `roll_inertia_factor` is the share of the liquid's own inertia about
-    /// the long axis that turns with the tank.
+    /// From components in the structural frame. `roll_inertia_factor` is the share of the liquid's own
+    /// inertia about the long axis that turns with the tank.
     pub fn new(
         components: &[Component],
         tank: TankGeometry,
@@ -360,7 +357,7 @@ impl MassModel {
             dry_swinging,
             tank,
             bottle,
-            grain_sums: grain.sums(),
+            grain: grain.constants(),
             bottle_length_m: bottle.volume_m3 / (PI * bottle.radius_m * bottle.radius_m),
             roll_inertia_factor,
         }
@@ -410,7 +407,7 @@ impl MassModel {
             + bottle_dot * bottle_xx
             + moved * (liquid * (floor + 2.0 * surface) + gas * (top + 2.0 * surface));
         let roll = 0.5 * self.roll_inertia_factor * r2;
-        let grain = self.grain_sums.solid(contents.port_radius_m, rate.port_radius_m_s);
+        let grain = self.grain.contribution(contents.port_radius_m, rate.port_radius_m_s);
 
         let mut swinging = self.dry_swinging;
         swinging.add_axial(&grain);
@@ -457,9 +454,10 @@ impl TankGeometry {
     }
 }
 
-/// A solid of revolution on the long axis about O, and its rates: `moment` is mass times z.
+/// Contents centred on the long axis, about O, and their rates; the lateral moments may differ (two ports).
+/// `moment` is mass times z.
 #[derive(Clone, Copy, Debug, Default)]
-struct Axial {
+struct AxialContribution {
     mass: f64,
     mass_dot: f64,
     moment: f64,

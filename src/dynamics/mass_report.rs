@@ -199,24 +199,25 @@ impl Found {
     /// Everything there, in SI units, and free of contradictions.
     fn report(&self, last: usize) -> Result<MassReport, MassReportError> {
         let Some((_, per_mass_kg, mass)) = self.mass else {
-            return Err(fault(
+            return Err(error(
                 last,
                 "no mass: expected a line \"Mass = NUMBER UNIT\" before the other sections",
             ));
         };
         if mass.value <= 0.0 {
-            return Err(fault(
+            return Err(error(
                 self.mass.map_or(last, |m| m.0),
                 format!("mass {}: must be positive", mass.value),
             ));
         }
         let (Some(per_length_m), [Some(x), Some(y), Some(z)]) = (self.per_length_m, self.centre) else {
             let message = "no centre of mass: expected \"Center of mass: ( UNIT )\" and X, Y, Z below it";
-            return Err(fault(self.centre_line.max(1), message));
+            return Err(error(self.centre_line.max(1), message));
         };
         let Some(at_centre) = &self.at_centre else {
-            let message = "no moments of inertia \"Taken at the center of mass and aligned with the output coordinate system.\"";
-            return Err(fault(last, message));
+            let message = "no moments of inertia \
+                           \"Taken at the center of mass and aligned with the output coordinate system.\"";
+            return Err(error(last, message));
         };
         let mass_kg = per_mass_kg * mass.value;
         let centre_m = Vec3::new(x.value, y.value, z.value) * per_length_m;
@@ -225,7 +226,7 @@ impl Found {
         self.agrees_with_principal(at_centre, inertia_kg_m2, own_digits)?;
         if let Some(at_origin) = &self.at_origin {
             if at_origin.negative_notation != at_centre.negative_notation {
-                return Err(fault(
+                return Err(error(
                     at_origin.line,
                     "the two tables of moments are in different tensor notations",
                 ));
@@ -251,7 +252,7 @@ impl Found {
                         "I{element} at the output coordinate system contradicts mass, centre of mass and L{element}: \
                          as tensor elements {is:.6e} kg m2 against {must:.6e}{products}"
                     );
-                    return Err(fault(at_origin.line, message));
+                    return Err(error(at_origin.line, message));
                 }
             }
         }
@@ -281,7 +282,7 @@ impl Found {
                     "the principal moments contradict these moments: {is:.6e} kg m2 against {must:.6e}; \
                      is the tensor notation right, and are all digits there?"
                 );
-                return Err(fault(moments.line, message));
+                return Err(error(moments.line, message));
             }
         }
         Ok(())
@@ -296,7 +297,7 @@ impl Moments {
             for column in 0..3 {
                 let name = format!("{letter}{}{}", AXES[row], AXES[column]);
                 let Some(printed) = self.value[row][column] else {
-                    return Err(fault(
+                    return Err(error(
                         self.line,
                         format!("{name} is missing below; expected {letter}xx to {letter}zz"),
                     ));
@@ -305,7 +306,7 @@ impl Moments {
                 if (printed.value - other.value).abs() > 2.02 * printed.half_digit.max(other.half_digit) {
                     let message =
                         format!("{name}: {} against {} of its mirror image", printed.value, other.value);
-                    return Err(fault(self.line, message));
+                    return Err(error(self.line, message));
                 }
                 let sign = if row == column || self.negative_notation { 1.0 } else { -1.0 };
                 // Equal on both sides of the diagonal, whatever the last digits.
@@ -322,14 +323,14 @@ impl Moments {
     }
 }
 
-fn fault(line: usize, message: impl Into<String>) -> MassReportError {
+fn error(line: usize, message: impl Into<String>) -> MassReportError {
     MassReportError { line, message: message.into() }
 }
 
 /// What stands between the parentheses of a heading.
 fn parenthesis(number: usize, line: &str) -> Result<&str, MassReportError> {
     let inside = line.split_once('(').and_then(|(_, rest)| rest.split_once(')'));
-    inside.map(|(inside, _)| inside.trim()).ok_or_else(|| fault(number, "no unit in parentheses"))
+    inside.map(|(inside, _)| inside.trim()).ok_or_else(|| error(number, "no unit in parentheses"))
 }
 
 fn unit(number: usize, text: &str, known: &[(&str, f64)]) -> Result<f64, MassReportError> {
@@ -341,7 +342,7 @@ fn unit(number: usize, text: &str, known: &[(&str, f64)]) -> Result<f64, MassRep
         .unwrap_or(&word);
     known.iter().find(|(name, _)| *name == singular).map(|(_, si)| *si).ok_or_else(|| {
         let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
-        fault(
+        error(
             number,
             format!(
                 "unit \"{}\" is not known; allowed (also in the plural): {}",
@@ -359,7 +360,7 @@ fn length_unit(number: usize, text: &str) -> Result<f64, MassReportError> {
 /// "grams * square millimeters", in kg m².
 fn moment_unit(number: usize, text: &str) -> Result<f64, MassReportError> {
     let expected =
-        || fault(number, format!("unit \"{text}\" is not known; expected \"MASS * square LENGTH\""));
+        || error(number, format!("unit \"{text}\" is not known; expected \"MASS * square LENGTH\""));
     let (mass, area) = text.split_once('*').ok_or_else(expected)?;
     let length = area.trim().strip_prefix("square").ok_or_else(expected)?;
     let length_m = length_unit(number, length)?;
@@ -368,7 +369,7 @@ fn moment_unit(number: usize, text: &str) -> Result<f64, MassReportError> {
 
 fn printed(number: usize, name: &str, text: &str) -> Result<Printed, MassReportError> {
     let value: f64 = text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
-        fault(number, format!("{name}: \"{text}\" is not a number; a decimal point is expected, not a comma"))
+        error(number, format!("{name}: \"{text}\" is not a number; a decimal point is expected, not a comma"))
     })?;
     let mantissa = text.split(['e', 'E']).next().unwrap_or(text);
     let decimals = mantissa.split_once('.').map_or(0, |(_, d)| d.len()) as i32;
@@ -429,9 +430,12 @@ mod tests {
                         " (Using positive tensor notation.)"
                     };
                     let text = format!(
-                        "Mass properties of part\n\nMass = {:.9} {mass_name}\n\nCenter of mass: ( {length_name} )\n\tX = {:.9}\n\tY = {:.9}\n\tZ = {:.9}\n\n\
-                         Moments of inertia: ( {mass_name} *  square {length_name} )\nTaken at the center of mass and aligned with the output coordinate system.{notation}\n{}\n\
-                         Moments of inertia: ( {mass_name} *  square {length_name} )\nTaken at the output coordinate system.{notation}\n{}",
+                        "Mass properties of part\n\nMass = {:.9} {mass_name}\n\n\
+                         Center of mass: ( {length_name} )\n\tX = {:.9}\n\tY = {:.9}\n\tZ = {:.9}\n\n\
+                         Moments of inertia: ( {mass_name} *  square {length_name} )\n\
+                         Taken at the center of mass and aligned with the output coordinate system.{notation}\n{}\n\
+                         Moments of inertia: ( {mass_name} *  square {length_name} )\n\
+                         Taken at the output coordinate system.{notation}\n{}",
                         mass * per_kg,
                         centre.x * per_m,
                         centre.y * per_m,
@@ -468,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_the_line_and_what_is_allowed() {
+    fn messages_name_the_line_and_what_is_allowed() {
         let refused =
             |from: &str, to: &str| MassReport::parse(&FRAME.replace(from, to)).unwrap_err().to_string();
         let stones = refused("15660.000000 grams", "2.466 stones");

@@ -171,7 +171,8 @@ impl Plant {
             }
             self.discrete.last_saturation = Some(now);
         }
-        let valve_rad = if self.options.ideal { valve_rad } else { self.vehicle.encoded(valve_rad) };
+        let valve_rad =
+            if self.options.ideal { valve_rad } else { self.vehicle.rounded_to_encoder(valve_rad) };
         self.discrete.demand = Demand { throttle, solved_at: Some(now), valve_rad, thrust_n };
     }
 

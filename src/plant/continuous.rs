@@ -6,11 +6,11 @@ use super::supply::{Supply, levels};
 use super::{Evaluation, Plant, Rate, State, motion};
 use crate::actuator::{ServoOutput, ServoRate, ServoState};
 use crate::disturbance::Effect;
-use crate::dynamics::Load;
-use crate::dynamics::landing_gear::{Contact, Motion};
+use crate::dynamics::landing_gear::Contact;
 use crate::dynamics::mass::{Contents, ContentsRate, FlowTerms, MassRate, MassState, Outflow};
 use crate::dynamics::rigid_body::{self, Acceleration, Balance, GimbalMotion, Swing};
 use crate::dynamics::slosh::SloshState;
+use crate::dynamics::{Kinematics, Load};
 use crate::frame::{Mat3, Vec3, frd_from_structural, quaternion_rate};
 use crate::propulsion::{NitrogenState, Pair};
 
@@ -40,7 +40,7 @@ struct Mass {
 /// What acts from outside, and where the vehicle meets it.
 struct Loads {
     total: Load,
-    motion: Motion,
+    motion: Kinematics,
     body_from_ned: Mat3,
     wind_ned_m_s: Vec3,
     contact: Contact,

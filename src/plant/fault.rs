@@ -185,8 +185,8 @@ impl Plant {
         }
         let regulator = &self.vehicle.pressurant.regulator;
         self.inputs.faults.sag_pa = match self.vehicle.gas_model {
-            GasModel::Balanced(_) => droop_pa,
-            GasModel::Distributed if droop_pa > sag_pa => {
+            GasModel::EnergyBalance(_) => droop_pa,
+            GasModel::Isothermal if droop_pa > sag_pa => {
                 let room_m3 = self.vehicle.ullage_m3(self.state.nitrous_kg);
                 let trapped_nitrogen_kg_m3 =
                     self.discrete.fault_memory.trapped_nitrogen_kg / room_m3.max(f64::MIN_POSITIVE);
@@ -194,7 +194,7 @@ impl Plant {
                     self.vehicle.pressurant_gas.ullage.pressure_pa(trapped_nitrogen_kg_m3);
                 (regulator.set_pressure_pa - trapped_nitrogen_pa).clamp(sag_pa, droop_pa)
             }
-            GasModel::Distributed => {
+            GasModel::Isothermal => {
                 let left = libm::exp(-self.step.s() / regulator.response_time_s);
                 let sag_pa = droop_pa + left * (sag_pa - droop_pa);
                 if sag_pa - droop_pa < 1.0 { droop_pa } else { sag_pa }

@@ -34,7 +34,8 @@ pub use state::{Rate, State};
 use nalgebra::Vector2;
 
 use crate::disturbance::{ConstantDisturbance, Disturbances};
-use crate::dynamics::landing_gear::{Contact, MAX_LEGS, Motion};
+use crate::dynamics::Kinematics;
+use crate::dynamics::landing_gear::{Contact, MAX_LEGS};
 use crate::dynamics::mass::MassProperties;
 use crate::dynamics::rigid_body::Acceleration;
 use crate::environment::Environment;
@@ -138,7 +139,7 @@ pub struct Evaluation {
     /// Velocity of the air (m/s).
     pub wind_ned_m_s: Vec3,
     /// Where the vehicle is and how it moves.
-    pub motion: Motion,
+    pub motion: Kinematics,
 }
 
 impl Plant {
@@ -287,8 +288,8 @@ impl Plant {
     }
 }
 
-fn motion(state: &State) -> Motion {
-    Motion {
+fn motion(state: &State) -> Kinematics {
+    Kinematics {
         position_ned_m: state.position_ned_m,
         velocity_ned_m_s: state.velocity_ned_m_s,
         ned_from_body: state.attitude().to_rotation_matrix().into_inner(),

@@ -69,7 +69,7 @@ impl Plant {
         let state = &mut self.state;
         state.nitrous_kg = state.nitrous_kg.max(0.0);
         state.nitrogen_kg = state.nitrogen_kg.max(0.0);
-        if let GasModel::Balanced(balance) = &self.vehicle.gas_model {
+        if let GasModel::EnergyBalance(balance) = &self.vehicle.gas_model {
             state.gas = balance.kept_in_range(&state.gas, state.nitrogen_kg);
         }
         state.burning_fraction = state.burning_fraction.clamp(0.0, 1.0);

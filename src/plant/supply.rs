@@ -47,7 +47,8 @@ impl Plant {
         }
         let mut thrusters = vehicle.reaction_control.loads(&levels(state), gas_supply.nitrogen().bottle_pa);
         let mut vent_kg_s = vehicle.vent_kg_s(&gas_supply, self.inputs.vent_opening, ambient_pa);
-        let [left, vented] = gas_supply.shares_left(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
+        let [left, vented] =
+            gas_supply.available_fractions(&stores, [thrusters.nitrogen_kg_s, vent_kg_s], DRAIN_S);
         if left < 1.0 {
             thrusters.force_body_n *= left;
             thrusters.moment_body_n_m *= left;
@@ -83,7 +84,7 @@ impl Plant {
         // Gas follows the liquid, and what fuel is left burns: each leaves within the tail's time constant,
         // so neither store reaches zero within a step.
         let drain_s = if self.inputs.nitrous_depleted { tail_s } else { self.drain_s() };
-        let two_phase = self.vehicle.uncovering.is_some();
+        let two_phase = self.vehicle.gas_ingestion.is_some();
         let (outlet, inert_share) = self.tank_outlet(state);
         EngineCondition {
             port_radius_m: self.frozen.port_radius_m.unwrap_or(state.port_radius_m),
@@ -122,17 +123,17 @@ impl Plant {
     /// What an uncovered outlet draws, and the share of nitrogen in it.
     #[inline]
     pub(super) fn tank_outlet(&self, state: &State) -> (Option<Outlet>, f64) {
-        match &self.vehicle.uncovering {
+        match &self.vehicle.gas_ingestion {
             None => (None, 0.0),
-            Some(uncovering) => self.uncovered_outlet(uncovering, state),
+            Some(gas_ingestion) => self.ingesting_outlet(gas_ingestion, state),
         }
     }
 
-    fn uncovered_outlet(&self, uncovering: &GasIngestion, state: &State) -> (Option<Outlet>, f64) {
-        let Some([valve_gas, injector_gas]) = uncovering.gas_shares(state.nitrous_kg) else {
+    fn ingesting_outlet(&self, gas_ingestion: &GasIngestion, state: &State) -> (Option<Outlet>, f64) {
+        let Some([valve_gas, injector_gas]) = gas_ingestion.gas_shares(state.nitrous_kg) else {
             return (None, 0.0);
         };
-        let GasSupply::Balanced(view) =
+        let GasSupply::EnergyBalance(view) =
             self.vehicle.gas_supply(&self.stores(state), self.environment.atmosphere.pressure_pa)
         else {
             return (None, 0.0);

@@ -42,7 +42,8 @@ impl FileKind {
             Some(toml::Value::String(_)) => Ok(Self::Scenario),
             _ => Err(InputError::of_file(
                 document.file(),
-                "neither a vehicle file (no [vehicle] table), nor a scenario (no vehicle = \"FILE\"), nor a campaign (no scenario = \"FILE\")",
+                "neither a vehicle file (no [vehicle] table), nor a scenario (no vehicle = \"FILE\"), \
+                 nor a campaign (no scenario = \"FILE\")",
             )),
         }
     }
@@ -126,7 +127,8 @@ impl ScenarioInputs {
         let file = ScenarioFile::read(&self.document)?;
         let vehicle = self.vehicle.vehicle()?;
         let schedule = self.commands.as_ref().map(|(_, schedule)| schedule.clone());
-        Scenario::new(&self.name, file, vehicle, schedule).map_err(|faults| self.document.error(faults))
+        Scenario::new(&self.name, file, vehicle, schedule)
+            .map_err(|contradictions| self.document.error(contradictions))
     }
 
     /// Every value in force, absent ones at their defaults: the scenario, with the vehicle file at `vehicle`.
@@ -215,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_names_the_file_it_stands_in() {
+    fn a_diagnostic_names_the_file_it_stands_in() {
         for (file, _) in DISK {
             assert_eq!(refused(file, None, &[]), format!("{file}: no such file"));
         }

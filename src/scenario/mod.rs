@@ -444,26 +444,26 @@ impl ScenarioFile {
     /// Reads and checks a scenario document.
     pub fn read(document: &Document) -> Result<Self, InputError> {
         let file: Self = document.read()?;
-        let mut faults = Vec::new();
+        let mut contradictions = Vec::new();
         let norm = file.initial.q_ned_from_body.iter().map(|x| x * x).sum::<f64>().sqrt();
         if !(0.9..=1.1).contains(&norm) {
-            faults.push(Invalid::new(
+            contradictions.push(Invalid::new(
                 "initial.q_ned_from_body",
                 format!("norm {norm:.4} is out of range; allowed 0.9 to 1.1"),
             ));
         }
         if file.actuators.gimbal.is_some() && !file.actuators.ideal {
-            faults.push(Invalid::new("actuators.gimbal", "only beside actuators.ideal = true"));
+            contradictions.push(Invalid::new("actuators.gimbal", "only beside actuators.ideal = true"));
         }
         let step_us = file.physics.step_s * 1e6;
         if (step_us - step_us.round()).abs() > 1e-6 {
-            faults.push(Invalid::new(
+            contradictions.push(Invalid::new(
                 "physics.step_s",
                 format!("{} s is no whole number of microseconds", file.physics.step_s),
             ));
         }
         if file.physics.step_s != PLANT_STEP_S && file.sensors.enabled {
-            faults.push(Invalid::new(
+            contradictions.push(Invalid::new(
                 "physics.step_s",
                 "another step than 0.001 needs sensors.enabled = false and a command schedule",
             ));
@@ -472,30 +472,31 @@ impl ScenarioFile {
             && file.initial.place == Place::Pad
             && !file.initial.clamped
         {
-            faults
+            contradictions
                 .push(Invalid::new("initial.engine", "\"running\" needs place = \"free\" or clamped = true"));
         }
         if file.fidelity == Fidelity::Paper {
             let refused = |key: &str| {
                 Invalid::new(
                     key,
-                    "has no effect beside fidelity = \"paper\", which is explicit Euler at the vehicle's paper_mode.step_s",
+                    "has no effect beside fidelity = \"paper\", which is explicit Euler at the vehicle's \
+                     paper_mode.step_s",
                 )
             };
             if file.physics.step_s != PLANT_STEP_S {
-                faults.push(refused("physics.step_s"));
+                contradictions.push(refused("physics.step_s"));
             }
             if file.physics.integrator != IntegratorKind::Rk4 {
-                faults.push(refused("physics.integrator"));
+                contradictions.push(refused("physics.integrator"));
             }
         }
-        if let Err(fault) = disturbance::validate(&file.disturbance) {
-            faults.push(fault.within("disturbance"));
+        if let Err(invalid) = disturbance::validate(&file.disturbance) {
+            contradictions.push(invalid.within("disturbance"));
         }
-        if let Err(wrong) = fault::validate(&file.fault) {
-            faults.push(wrong.within("fault"));
+        if let Err(invalid) = fault::validate(&file.fault) {
+            contradictions.push(invalid.within("fault"));
         }
-        if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
+        if contradictions.is_empty() { Ok(file) } else { Err(document.error(contradictions)) }
     }
 }
 
@@ -522,18 +523,18 @@ impl Scenario {
         if file.physics.freeze.contains(&Coupling::Slosh) {
             vehicle.slosh.model = SloshModel::Frozen;
         }
-        let mut faults = Vec::new();
+        let mut contradictions = Vec::new();
         if schedule.is_none() && file.initial.engine == EngineStart::Running {
-            faults.push(Invalid::new("initial.engine", "\"running\" needs a command schedule"));
+            contradictions.push(Invalid::new("initial.engine", "\"running\" needs a command schedule"));
         }
         if schedule.is_none() && file.initial.place == Place::Free {
-            faults.push(Invalid::new(
+            contradictions.push(Invalid::new(
                 "initial.place",
                 "\"free\" needs a command schedule: the autopilot starts from the pad",
             ));
         }
-        if !faults.is_empty() {
-            return Err(faults);
+        if !contradictions.is_empty() {
+            return Err(contradictions);
         }
         let site = file.site.clone().unwrap_or_else(|| vehicle.site.clone());
         Ok(Self { name: name.to_owned(), file, vehicle, site, schedule })

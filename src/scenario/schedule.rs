@@ -55,37 +55,37 @@ impl Schedule {
     /// Parses the text of a CSV file. Lines that start with `#` are comments. Columns that are absent
     /// mean: no deflection, igniter on, isolation open, vent shut, hold-down released.
     pub fn parse(text: &str) -> Result<Self, ScheduleError> {
-        let fault = |line: usize, message: String| ScheduleError { line, message };
+        let error = |line: usize, message: String| ScheduleError { line, message };
         let mut lines = text
             .lines()
             .enumerate()
             .map(|(i, line)| (i + 1, line.trim()))
             .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
         let Some((header_line, header)) = lines.next() else {
-            return Err(fault(1, "no header; expected time_s and command columns".to_owned()));
+            return Err(error(1, "no header; expected time_s and command columns".to_owned()));
         };
         let mut columns = Vec::new();
         for name in header.split(',').map(str::trim) {
             let Some(column) = COLUMNS.iter().position(|c| *c == name) else {
                 let known = COLUMNS.join(", ");
-                return Err(fault(header_line, format!("unknown column '{name}'; known: {known}")));
+                return Err(error(header_line, format!("unknown column '{name}'; known: {known}")));
             };
             if columns.contains(&column) {
-                return Err(fault(header_line, format!("column '{name}' stands twice")));
+                return Err(error(header_line, format!("column '{name}' stands twice")));
             }
             columns.push(column);
         }
         if !columns.contains(&0) {
-            return Err(fault(header_line, "no column time_s".to_owned()));
+            return Err(error(header_line, "no column time_s".to_owned()));
         }
         if columns.contains(&1) == columns.contains(&2) {
-            return Err(fault(header_line, "expected one of valve_deg and thrust_n".to_owned()));
+            return Err(error(header_line, "expected one of valve_deg and thrust_n".to_owned()));
         }
         let mut rows: Vec<(SimTime, ActuatorCommand)> = Vec::new();
         for (line, row) in lines {
             let fields: Vec<&str> = row.split(',').map(str::trim).collect();
             if fields.len() != columns.len() {
-                return Err(fault(line, format!("expected {} fields, got {}", columns.len(), fields.len())));
+                return Err(error(line, format!("expected {} fields, got {}", columns.len(), fields.len())));
             }
             // Absent columns: everything as in flight, nothing deflected.
             let mut value = [0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
@@ -93,9 +93,9 @@ impl Schedule {
                 let (least, most) = RANGES[column];
                 let x: f64 = field
                     .parse()
-                    .map_err(|_| fault(line, format!("{}: '{field}' is not a number", COLUMNS[column])))?;
+                    .map_err(|_| error(line, format!("{}: '{field}' is not a number", COLUMNS[column])))?;
                 if !(least..=most).contains(&x) {
-                    return Err(fault(
+                    return Err(error(
                         line,
                         format!("{}: {x} is out of range; allowed {least} to {most}", COLUMNS[column]),
                     ));
@@ -104,7 +104,7 @@ impl Schedule {
             }
             let time = SimTime::from_s(value[0]);
             if rows.last().is_some_and(|(previous, _)| *previous >= time) {
-                return Err(fault(line, format!("time_s: {} does not come after the row above", value[0])));
+                return Err(error(line, format!("time_s: {} does not come after the row above", value[0])));
             }
             let on = |column: usize| value[column] > 0.5;
             rows.push((
@@ -129,7 +129,7 @@ impl Schedule {
             ));
         }
         if rows.is_empty() {
-            return Err(fault(header_line, "no rows below the header".to_owned()));
+            return Err(error(header_line, "no rows below the header".to_owned()));
         }
         Ok(Self { rows })
     }
@@ -157,14 +157,17 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_line_column_and_range() {
-        let fault = |text: &str| Schedule::parse(text).unwrap_err().to_string();
-        assert_eq!(fault("time_s,valve_deg\n0,95\n"), "2: valve_deg: 95 is out of range; allowed 0 to 90");
-        assert_eq!(fault("time_s,valve_deg\n0,nan\n"), "2: valve_deg: NaN is out of range; allowed 0 to 90");
-        assert_eq!(fault("time_s,valve_deg\n0,1,2\n"), "2: expected 2 fields, got 3");
-        assert_eq!(fault("time_s,valve_deg\n1,1\n1,2\n"), "3: time_s: 1 does not come after the row above");
-        assert!(fault("time_s,valve\n").starts_with("1: unknown column 'valve'"));
-        assert_eq!(fault("time_s,valve_deg,thrust_n\n"), "1: expected one of valve_deg and thrust_n");
-        assert_eq!(fault(""), "1: no header; expected time_s and command columns");
+    fn messages_name_line_column_and_range() {
+        let message = |text: &str| Schedule::parse(text).unwrap_err().to_string();
+        assert_eq!(message("time_s,valve_deg\n0,95\n"), "2: valve_deg: 95 is out of range; allowed 0 to 90");
+        assert_eq!(
+            message("time_s,valve_deg\n0,nan\n"),
+            "2: valve_deg: NaN is out of range; allowed 0 to 90"
+        );
+        assert_eq!(message("time_s,valve_deg\n0,1,2\n"), "2: expected 2 fields, got 3");
+        assert_eq!(message("time_s,valve_deg\n1,1\n1,2\n"), "3: time_s: 1 does not come after the row above");
+        assert!(message("time_s,valve\n").starts_with("1: unknown column 'valve'"));
+        assert_eq!(message("time_s,valve_deg,thrust_n\n"), "1: expected one of valve_deg and thrust_n");
+        assert_eq!(message(""), "1: no header; expected time_s and command columns");
     }
 }

@@ -3,11 +3,12 @@
 //! [`SensorSuite::sample`] is called once after every plant step. Each sensor keeps its own integer
 //! schedule; sample k is taken at k periods, the first at one period, never at 0. What a sensor
 //! delivers waits until the next sample of the inertial unit, whose arrival makes a [`Measurement`].
-//! Delays look back into a ring of past truths, interpolated, so any delay is exact. Every sensor
-//! draws from streams of its own name; the draws of one sample never depend on values.
+//! Delays look back into a ring of past truths, linear between plant steps. Every sensor draws from
+//! streams of its own name; the draws of one sample never depend on values.
 //!
-//! The parameter structs mirror the `[sensors.*]` tables of a vehicle file; positions and directions in
-//! them are in body FRD by the time a suite is built, about the gimbal pivot.
+//! The parameter structs mirror the `[sensors.*]` tables of a vehicle file; positions (from the
+//! gimbal pivot) and directions in them are in structural axes. Each sensor turns its own into body FRD when
+//! it is built; the place of the inertial unit concerns the plant alone, which gives the motion there.
 
 mod altimeter;
 mod barometer;

@@ -503,16 +503,16 @@ fn long_plant_steps_slow_the_unit_and_lose_nothing() {
 
 #[test]
 fn contradictions_are_named() {
-    let fault = |change: fn(&mut SensorParameters)| {
+    let refused_key = |change: fn(&mut SensorParameters)| {
         let (mut parameters, _) = reference();
         change(&mut parameters);
         parameters.validate().unwrap_err().key
     };
-    assert_eq!(fault(|p| p.imu.rate_hz = 300.0), "imu.rate_hz");
-    assert_eq!(fault(|p| p.gnss.rate_hz = 0.0), "gnss.rate_hz");
-    assert_eq!(fault(|p| p.barometer.rate_hz = f64::NAN), "barometer.rate_hz");
-    assert_eq!(fault(|p| p.magnetometer.rate_hz = 2000.0), "magnetometer.rate_hz");
-    assert_eq!(fault(|p| p.altimeter.range_m = [5.0, 5.0]), "altimeter.range_m");
-    assert_eq!(fault(|p| p.altimeter.direction = [0.0, 0.0, 0.5]), "altimeter.direction");
-    assert_eq!(fault(|p| p.pressure_transducer[2].name = Tap::Tank), "pressure_transducer.2.name");
+    assert_eq!(refused_key(|p| p.imu.rate_hz = 300.0), "imu.rate_hz");
+    assert_eq!(refused_key(|p| p.gnss.rate_hz = 0.0), "gnss.rate_hz");
+    assert_eq!(refused_key(|p| p.barometer.rate_hz = f64::NAN), "barometer.rate_hz");
+    assert_eq!(refused_key(|p| p.magnetometer.rate_hz = 2000.0), "magnetometer.rate_hz");
+    assert_eq!(refused_key(|p| p.altimeter.range_m = [5.0, 5.0]), "altimeter.range_m");
+    assert_eq!(refused_key(|p| p.altimeter.direction = [0.0, 0.0, 0.5]), "altimeter.direction");
+    assert_eq!(refused_key(|p| p.pressure_transducer[2].name = Tap::Tank), "pressure_transducer.2.name");
 }

@@ -79,7 +79,7 @@ impl VehicleInputs {
             VehicleError::Table { table: Table::ValveArea, message } => {
                 InputError::of_file(&area.file, message)
             }
-            VehicleError::Invalid(fault) => self.document.error(vec![fault]),
+            VehicleError::Invalid(invalid) => self.document.error(vec![invalid]),
         })
     }
 

@@ -4,290 +4,30 @@
 //! each model turns its own into body FRD where it computes with them. Scalar heights (`..._z_m`) are above the
 //! gimbal pivot.
 
+mod file;
+mod gas;
 mod load;
 
+pub use file::{Axis, DryPart, Rating, VehicleFile};
+pub use gas::{GasModel, GasSupply};
 pub use load::VehicleInputs;
 pub(crate) use load::folder_of;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::actuator::{Gimbal, Servo, StrokeValve};
 use crate::controls::Controls;
 use crate::dynamics::aerodynamics::Aerodynamics;
 use crate::dynamics::landing_gear::{HoldDown, LandingGear};
-use crate::dynamics::mass::{BottleGeometry, Component, GrainGeometry, MassModel, TankGeometry};
-use crate::dynamics::mass_report::{MassReport, MassReportError};
+use crate::dynamics::mass::{BottleGeometry, GrainGeometry, MassModel, TankGeometry};
 use crate::dynamics::slosh::{HardeningLaw, Slosh, SloshModel};
 use crate::environment::Site;
 use crate::fluid::{Nitrogen, Nitrous};
-use crate::frame::{Mat3, Vec3};
-use crate::input::{Document, InputError, Invalid};
+use crate::input::Invalid;
 use crate::propulsion::{
-    BottleModel, ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts,
-    FeedParameters, GasBalance, GasIngestion, GasProperties, GasState, Isolation, ManifoldModel,
-    NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas, ReactionControl,
-    Stores, StoresRate, Tank, UllageModel, Vent, VentedGas, Withdrawal,
+    ChamberModel, DepletionModel, Engine, EngineError, EngineParameters, EngineTexts, GasIngestion, GasState,
+    Isolation, NitrogenInventory, NitrogenState, PairLevels, PaperMode, Pressurant, PressurantGas,
+    ReactionControl, Stores, StoresRate, Tank, Vent, VentedGas, Withdrawal,
 };
 use crate::sensor::SensorParameters;
-
-/// A vehicle file.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct VehicleFile {
-    /// Name and throttle band.
-    pub vehicle: Rating,
-    /// What a flight controller's channels mean.
-    pub controls: Controls,
-    /// Grain, map, chamber, nozzle, ignition, depletion.
-    pub engine: EngineParameters,
-    /// Tank, valve, manifold, injector, isolation, vent.
-    pub feed: FeedParameters,
-    /// Bottle and regulator.
-    pub pressurant: Pressurant,
-    /// Gimbal servos.
-    pub gimbal: Gimbal,
-    /// Cold-gas thrusters.
-    pub rcs: ReactionControl,
-    /// Liquid in motion.
-    pub slosh: Slosh,
-    /// Drag.
-    pub aero: Aerodynamics,
-    /// Legs.
-    pub landing_gear: LandingGear,
-    /// What holds the vehicle down until release.
-    pub hold_down: HoldDown,
-    /// Where it flies, unless a scenario says otherwise.
-    pub site: Site,
-    /// Instruments.
-    pub sensors: SensorParameters,
-    /// Dry parts.
-    pub component: Vec<DryPart>,
-    /// Limits of the thrust demand, and the numbers of the seed paper's mode.
-    pub paper_mode: PaperMode,
-}
-
-/// `[[component]]`: a dry part, by its mass properties or by the file in which a CAD program printed them.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DryPart {
-    /// Name of the part.
-    pub name: String,
-    /// Mass (kg).
-    #[schemars(range(min = 0.0, max = 10000.0))]
-    pub mass_kg: Option<f64>,
-    /// Centre of mass from the gimbal pivot (m), structural axes.
-    #[schemars(inner(range(min = -20.0, max = 20.0)))]
-    pub position_m: Option<[f64; 3]>,
-    /// Inertia about the part's own centre of mass (kg m²), structural axes, tensor convention, symmetric.
-    pub inertia_kg_m2: Option<[[f64; 3]; 3]>,
-    /// Report "Mass Properties" of SolidWorks, beside the vehicle file, instead of the three keys above; its products of inertia are read with the sign that the report names.
-    pub file: Option<String>,
-    /// With `file`: the report's origin from the gimbal pivot (m), structural axes; absent: they coincide.
-    #[schemars(inner(range(min = -20.0, max = 20.0)))]
-    pub origin_m: Option<[f64; 3]>,
-    /// With `file`: where the report's x, y and z axes point in the structural frame; absent: ["x", "y", "z"]. Right-handed.
-    pub axes: Option<[Axis; 3]>,
-    /// Whether the part turns with the gimbal.
-    #[serde(default)]
-    pub swings: bool,
-}
-
-/// A direction of the structural frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-pub enum Axis {
-    /// Along x, toward leg 1.
-    #[serde(rename = "x")]
-    X,
-    /// Along y.
-    #[serde(rename = "y")]
-    Y,
-    /// Along z, toward the nose.
-    #[serde(rename = "z")]
-    Z,
-    /// Against x.
-    #[serde(rename = "-x")]
-    MinusX,
-    /// Against y.
-    #[serde(rename = "-y")]
-    MinusY,
-    /// Against z, toward the nozzle.
-    #[serde(rename = "-z")]
-    MinusZ,
-}
-
-impl Axis {
-    fn direction(self) -> Vec3 {
-        match self {
-            Self::X => Vec3::x(),
-            Self::Y => Vec3::y(),
-            Self::Z => Vec3::z(),
-            Self::MinusX => -Vec3::x(),
-            Self::MinusY => -Vec3::y(),
-            Self::MinusZ => -Vec3::z(),
-        }
-    }
-}
-
-impl DryPart {
-    /// Directions of the report's axes in the structural frame, as columns.
-    fn structural_from_report(&self) -> Mat3 {
-        let axes = self.axes.unwrap_or([Axis::X, Axis::Y, Axis::Z]);
-        Mat3::from_columns(&axes.map(Axis::direction))
-    }
-
-    /// Takes over what a report says, turned into the structural frame.
-    fn import(&mut self, report: &MassReport) {
-        let turn = self.structural_from_report();
-        let origin_m = Vec3::from(self.origin_m.unwrap_or([0.0; 3]));
-        let inertia = turn * report.inertia_kg_m2 * turn.transpose();
-        self.mass_kg = Some(report.mass_kg);
-        self.position_m = Some((origin_m + turn * report.centre_m).into());
-        self.inertia_kg_m2 = Some(core::array::from_fn(|row| {
-            // Signed permutations move elements without rounding: symmetric stays symmetric.
-            core::array::from_fn(|column| inertia[(row, column)])
-        }));
-    }
-
-    /// What the keys alone can get wrong.
-    fn validate(&self) -> Result<(), Invalid> {
-        let direct = [
-            ("mass_kg", self.mass_kg.is_some()),
-            ("position_m", self.position_m.is_some()),
-            ("inertia_kg_m2", self.inertia_kg_m2.is_some()),
-        ];
-        if self.file.is_some() {
-            if let Some((key, _)) = direct.iter().find(|(_, given)| *given) {
-                return Err(Invalid::new(*key, "not beside `file`, which gives it"));
-            }
-            let turn = self.structural_from_report();
-            if (turn.determinant() - 1.0).abs() > 1e-9 {
-                return Err(Invalid::new(
-                    "axes",
-                    "not right-handed: the third axis must be the first cross the second",
-                ));
-            }
-            return Ok(());
-        }
-        if let Some((key, _)) = direct.iter().find(|(_, given)| !given) {
-            return Err(Invalid::new(*key, "missing; give mass_kg, position_m and inertia_kg_m2, or `file`"));
-        }
-        for (key, given) in [("origin_m", self.origin_m.is_some()), ("axes", self.axes.is_some())] {
-            if given {
-                return Err(Invalid::new(key, "only beside `file`"));
-            }
-        }
-        self.component()?.validate()
-    }
-
-    /// The part, structural axes.
-    fn component(&self) -> Result<Component, Invalid> {
-        let (Some(mass_kg), Some(position_m), Some(inertia_kg_m2)) =
-            (self.mass_kg, self.position_m, self.inertia_kg_m2)
-        else {
-            return Err(Invalid::new("file", format!("{}: its mass report has not been read", self.name)));
-        };
-        Ok(Component { name: self.name.clone(), mass_kg, position_m, inertia_kg_m2, swings: self.swings })
-    }
-}
-
-/// `[vehicle]`: name and throttle band.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Rating {
-    /// Name for reports.
-    pub name: String,
-    /// What is known and what is not, in a sentence.
-    #[serde(default)]
-    pub fidelity_notes: String,
-    /// Thrust that full throttle asks for (N).
-    #[schemars(range(min = 1.0, max = 100000.0))]
-    pub thrust_rated_n: f64,
-    /// Lower end of the throttle band of the lit engine (N).
-    #[schemars(range(min = 1.0, max = 100000.0))]
-    pub thrust_command_min_n: f64,
-    /// Upper end of the throttle band (N).
-    #[schemars(range(min = 1.0, max = 100000.0))]
-    pub thrust_command_max_n: f64,
-}
-
-impl VehicleFile {
-    /// Reads and checks a vehicle document.
-    ///
-    /// # Errors
-    /// When a key is unknown, missing, of the wrong kind, out of range or at odds with another.
-    fn read(document: &Document) -> Result<Self, InputError> {
-        let file: Self = document.read()?;
-        let faults = file.contradictions();
-        if faults.is_empty() { Ok(file) } else { Err(document.error(faults)) }
-    }
-
-    /// Components that name a mass report: their index and the file.
-    fn mass_reports(&self) -> Vec<(usize, String)> {
-        let named = self.component.iter().enumerate();
-        named.filter_map(|(index, part)| Some((index, part.file.clone()?))).collect()
-    }
-
-    /// Gives the component at `index` what its mass report says.
-    ///
-    /// # Errors
-    /// When the report cannot be read, or tells of a body that cannot be.
-    fn import_mass(&mut self, index: usize, report: &str) -> Result<(), MassReportError> {
-        let report = MassReport::parse(report)?;
-        let part = &mut self.component[index];
-        part.import(&report);
-        let possible = part.component().and_then(|component| component.validate());
-        possible.map_err(|fault| MassReportError { line: 1, message: fault.message })
-    }
-
-    /// What no single range can tell.
-    fn contradictions(&self) -> Vec<Invalid> {
-        let mut faults = Vec::new();
-        let rating = &self.vehicle;
-        if rating.thrust_command_min_n >= rating.thrust_command_max_n {
-            faults.push(Invalid::new(
-                "vehicle.thrust_command_min_n",
-                format!(
-                    "{} must be less than thrust_command_max_n, {}",
-                    rating.thrust_command_min_n, rating.thrust_command_max_n
-                ),
-            ));
-        }
-        let mut note = |result: Result<(), Invalid>, parent: &str| {
-            if let Err(fault) = result {
-                faults.push(fault.within(parent));
-            }
-        };
-        self.refuse_gas_in_a_feed_that_stores(&mut note);
-        let (tank, regulator) = (&self.feed.tank, &self.pressurant.regulator);
-        note(regulator.validate(), "pressurant.regulator");
-        note(tank.ullage.validate(tank.pressure_pa, tank.temperature_k, regulator), "feed.tank.ullage");
-        if self.slosh.second_mode && self.slosh.model != SloshModel::TwoWay {
-            note(Err(Invalid::new("", "true needs slosh.model = \"two_way\"")), "slosh.second_mode");
-        }
-        note(self.rcs.validate(), "rcs");
-        note(self.sensors.validate(), "sensors");
-        note(self.controls.validate(), "controls");
-        for (i, component) in self.component.iter().enumerate() {
-            note(component.validate(), &format!("component.{i}"));
-        }
-        if self.component.is_empty() {
-            faults.push(Invalid::new("component", "a vehicle needs at least one [[component]]"));
-        }
-        faults
-    }
-}
-
-impl VehicleFile {
-    /// An outlet that uncovers passes gas, and a feed system that stores holds liquid or its vapour alone.
-    fn refuse_gas_in_a_feed_that_stores(&self, note: &mut impl FnMut(Result<(), Invalid>, &str)) {
-        let stores = self.feed.manifold.model == ManifoldModel::Implicit || self.feed.line.is_some();
-        if self.engine.depletion.model == DepletionModel::TwoPhase && stores {
-            let message = "\"two_phase\" needs feed.manifold.model = \"quasi_steady\" and no [feed.line]";
-            note(Err(Invalid::new("", message)), "engine.depletion.model");
-        }
-    }
-}
 
 /// Table that a vehicle file names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -314,76 +54,7 @@ enum VehicleError {
     Invalid(#[from] Invalid),
 }
 
-/// How the gas in bottle and tank is modelled: chosen once, by `GasModel::of`.
-#[derive(Clone, Debug)]
-pub enum GasModel {
-    /// One mass of nitrogen, distributed by algebra at constant temperature.
-    Distributed,
-    /// Masses and temperatures are states.
-    Balanced(Box<GasBalance>),
-}
-
-/// Bottle and tank at one instant, by either model.
-#[derive(Clone, Copy, Debug)]
-#[allow(clippy::large_enum_variant)] // lives on the stack for one evaluation
-pub enum GasSupply {
-    /// Distributed by algebra.
-    Distributed(NitrogenState),
-    /// From states.
-    Balanced(GasProperties),
-}
-
-impl GasModel {
-    /// Balances for whatever constant temperature and a constant outlet pressure cannot serve.
-    fn of(file: &VehicleFile, liquid_kg_m3: f64) -> Self {
-        let (tank, regulator) = (&file.feed.tank, &file.pressurant.regulator);
-        let distributed = file.pressurant.bottle.model == BottleModel::Isothermal
-            && tank.ullage.model == UllageModel::ConstantTemperature
-            && regulator.droop_pa_s_kg == 0.0
-            && regulator.lockup_pa == 0.0
-            && regulator.set_pressure_pa == tank.pressure_pa
-            && file.engine.depletion.model == DepletionModel::TimeConstant;
-        if distributed {
-            return Self::Distributed;
-        }
-        Self::Balanced(Box::new(GasBalance::new(&file.pressurant, tank, liquid_kg_m3)))
-    }
-}
-
-impl GasSupply {
-    /// Pressures and masses.
-    pub fn nitrogen(&self) -> &NitrogenState {
-        match self {
-            Self::Distributed(nitrogen) => nitrogen,
-            Self::Balanced(view) => &view.nitrogen,
-        }
-    }
-
-    /// Mass share of vapour in the gas above the liquid.
-    #[inline]
-    pub(crate) fn vapor_share(&self) -> f64 {
-        match self {
-            Self::Distributed(_) => 0.0,
-            Self::Balanced(view) => view.vapor_share(),
-        }
-    }
-
-    /// Shares of what thrusters and vent want (kg/s) that are there, where each takes `drain_s` at least to
-    /// empty its store; 1 or above, or no number, where there is plenty.
-    #[inline]
-    pub(crate) fn shares_left(&self, stores: &Stores, wanted_kg_s: [f64; 2], drain_s: f64) -> [f64; 2] {
-        let [thrusters, vent] = wanted_kg_s;
-        match self {
-            Self::Distributed(_) => [stores.nitrogen_kg.max(0.0) / (drain_s * (thrusters + vent)); 2],
-            Self::Balanced(view) => {
-                let NitrogenState { tank_kg, vapor_kg, bottle_kg, .. } = view.nitrogen;
-                [bottle_kg / (drain_s * thrusters), (tank_kg + vapor_kg) / (drain_s * vent)]
-            }
-        }
-    }
-}
-
-/// A vehicle, ready for a plant: parameters in body FRD, tables parsed.
+/// A vehicle, ready for a plant: parameters as the file has them, in structural axes, tables parsed.
 #[derive(Clone, Debug)]
 pub struct Vehicle {
     /// Name for reports.
@@ -412,8 +83,8 @@ pub struct Vehicle {
     pub pressurant_gas: PressurantGas,
     /// How that gas is modelled.
     pub gas_model: GasModel,
-    /// How the tank's outlet uncovers, where gas may follow the liquid.
-    pub uncovering: Option<GasIngestion>,
+    /// When the tank's outlet ingests gas, where gas may follow the liquid.
+    pub gas_ingestion: Option<GasIngestion>,
     /// Servo of the throttle valve.
     pub valve_servo: Servo,
     /// Servo of either gimbal axis.
@@ -432,7 +103,7 @@ pub struct Vehicle {
     pub hold_down: HoldDown,
     /// Where it flies, unless a scenario says otherwise.
     pub site: Site,
-    /// Instruments, positions in body FRD.
+    /// Instruments, their places and directions in structural axes.
     pub sensors: SensorParameters,
     /// Masses.
     pub mass: MassModel,
@@ -456,44 +127,11 @@ impl Vehicle {
             EngineError::Parameter(e) => VehicleError::Invalid(e),
             e => VehicleError::Table { table: Table::Map, message: e.to_string() },
         })?;
-        let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
+        let tank = &file.feed.tank;
         let nitrous = Nitrous::tables().liquid(tank.pressure_pa, tank.temperature_k);
         let gas_model = GasModel::of(&file, nitrous.density_kg_m3);
-        let uncovering = (file.engine.depletion.model == DepletionModel::TwoPhase).then(|| {
-            let density = nitrous.density_kg_m3;
-            let injector_m2 = file.feed.injector.effective_area_m2();
-            GasIngestion::new(
-                tank.unusable_nitrous_kg,
-                density * file.feed.manifold.volume_m3,
-                // Liquid that does not boil, from the greatest pressure of the file into none.
-                injector_m2
-                    * (2.0 * density * tank.pressure_pa.max(file.pressurant.regulator.set_pressure_pa))
-                        .sqrt(),
-            )
-        });
-        let parts = file.component.iter().enumerate();
-        let components = parts
-            .map(|(i, part)| part.component().map_err(|fault| fault.within(&format!("component.{i}"))))
-            .collect::<Result<Vec<_>, _>>()?;
-        let mass = MassModel::new(
-            &components,
-            TankGeometry { radius_m: tank.radius_m, length_m: tank.length_m, floor_z_m: tank.floor_z_m },
-            BottleGeometry {
-                radius_m: bottle.radius_m,
-                volume_m3: bottle.volume_m3,
-                centre_z_m: bottle.centre_z_m,
-            },
-            GrainGeometry {
-                port_count: grain.port_count,
-                // Ports of a grain with several stand midway between axis and outer radius.
-                port_circle_radius_m: if grain.port_count == 1 { 0.0 } else { 0.5 * grain.outer_radius_m },
-                outer_radius_m: grain.outer_radius_m,
-                length_m: grain.length_m,
-                top_z_m: grain.top_z_m,
-                fuel_density_kg_m3: grain.fuel_density_kg_m3,
-            },
-            file.slosh.roll_inertia_factor,
-        );
+        let gas_ingestion = gas_ingestion(&file, nitrous.density_kg_m3);
+        let mass = mass_model(&file)?;
         let pressurant_gas = PressurantGas::new(&file.pressurant, tank.temperature_k);
         let valve = &file.feed.valve;
         Ok(Self {
@@ -520,7 +158,7 @@ impl Vehicle {
             vent: file.feed.vent,
             pressurant_gas,
             gas_model,
-            uncovering,
+            gas_ingestion,
             pressurant: file.pressurant,
             rating: file.vehicle,
             controls: file.controls,
@@ -548,8 +186,8 @@ impl Vehicle {
         self.gimbal.engine_inertia = false;
         self.engine_parameters.chamber.model = ChamberModel::QuasiSteady;
         self.engine_parameters.grain.fuel_flow_lag_s = 0.0;
-        self.gas_model = GasModel::Distributed;
-        self.uncovering = None;
+        self.gas_model = GasModel::Isothermal;
+        self.gas_ingestion = None;
     }
 
     /// Liquid that the run tank holds at the start (kg).
@@ -565,8 +203,8 @@ impl Vehicle {
     /// Nitrogen at the start, bottle and run tank, above so much liquid (kg).
     pub fn initial_nitrogen_kg(&self, nitrous_kg: f64) -> f64 {
         let vapor_pa = match &self.gas_model {
-            GasModel::Distributed => 0.0,
-            GasModel::Balanced(balance) => balance.initial_vapor_pa(self.tank.temperature_k),
+            GasModel::Isothermal => 0.0,
+            GasModel::EnergyBalance(balance) => balance.initial_vapor_pa(self.tank.temperature_k),
         };
         let nitrogen_pa = (self.tank.pressure_pa - vapor_pa).max(0.0);
         let density = Nitrogen::tables().density_kg_m3(nitrogen_pa, self.tank.temperature_k);
@@ -586,7 +224,7 @@ impl Vehicle {
 
     /// The gas at the start, of so much nitrogen above so much liquid; nothing where it is no state.
     pub(crate) fn initial_gas(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> GasState {
-        let GasModel::Balanced(balance) = &self.gas_model else {
+        let GasModel::EnergyBalance(balance) = &self.gas_model else {
             return GasState::default();
         };
         let bottle_kg = self.pressurant.initial_bottle_kg();
@@ -601,16 +239,8 @@ impl Vehicle {
     #[inline]
     pub(crate) fn gas_supply(&self, stores: &Stores, ambient_pa: f64) -> GasSupply {
         match &self.gas_model {
-            GasModel::Distributed => {
-                let inventory = NitrogenInventory {
-                    total_kg: stores.nitrogen_kg,
-                    ullage_m3: self.ullage_m3(stores.nitrous_kg),
-                    ambient_pa,
-                    regulator_sag_pa: stores.regulator_sag_pa,
-                };
-                GasSupply::Distributed(self.pressurant.distribute(&self.pressurant_gas, &inventory))
-            }
-            GasModel::Balanced(balance) => GasSupply::Balanced(balance.properties(stores)),
+            GasModel::Isothermal => GasSupply::Isothermal(self.distributed(stores, ambient_pa)),
+            GasModel::EnergyBalance(balance) => GasSupply::EnergyBalance(balance.properties(stores)),
         }
     }
 
@@ -618,7 +248,7 @@ impl Vehicle {
     #[inline]
     pub(crate) fn gas_rate(&self, stores: &Stores, supply: &GasSupply, out: &Withdrawal) -> StoresRate {
         match (&self.gas_model, supply) {
-            (GasModel::Balanced(balance), GasSupply::Balanced(view)) => balance.rate(view, out),
+            (GasModel::EnergyBalance(balance), GasSupply::EnergyBalance(view)) => balance.rate(view, out),
             _ => {
                 // What fills the room that the liquid leaves, at constant pressure.
                 let ullage_m3 = self.ullage_m3(stores.nitrous_kg);
@@ -638,11 +268,18 @@ impl Vehicle {
 
     /// Where the nitrogen is under a sound regulator, distributed by algebra.
     pub fn nitrogen(&self, nitrogen_kg: f64, nitrous_kg: f64, ambient_pa: f64) -> NitrogenState {
+        let stores = Stores { nitrogen_kg, nitrous_kg, gas: GasState::default(), regulator_sag_pa: 0.0 };
+        self.distributed(&stores, ambient_pa)
+    }
+
+    /// Where the nitrogen of these stores is, distributed by algebra.
+    #[inline]
+    fn distributed(&self, stores: &Stores, ambient_pa: f64) -> NitrogenState {
         let inventory = NitrogenInventory {
-            total_kg: nitrogen_kg,
-            ullage_m3: self.ullage_m3(nitrous_kg),
+            total_kg: stores.nitrogen_kg,
+            ullage_m3: self.ullage_m3(stores.nitrous_kg),
             ambient_pa,
-            regulator_sag_pa: 0.0,
+            regulator_sag_pa: stores.regulator_sag_pa,
         };
         self.pressurant.distribute(&self.pressurant_gas, &inventory)
     }
@@ -654,10 +291,10 @@ impl Vehicle {
         }
         let pressure_pa = supply.nitrogen().tank_pa;
         let density_kg_m3 = match supply {
-            GasSupply::Distributed(_) => {
+            GasSupply::Isothermal(_) => {
                 Nitrogen::tables().density_kg_m3(pressure_pa, self.tank.temperature_k)
             }
-            GasSupply::Balanced(view) => view.ullage_density_kg_m3(),
+            GasSupply::EnergyBalance(view) => view.ullage_density_kg_m3(),
         };
         self.vent.flow_kg_s(&VentedGas { pressure_pa, density_kg_m3, ambient_pa }, opened)
     }
@@ -673,7 +310,7 @@ impl Vehicle {
     }
 
     /// The nearest angle that the valve's encoder can resolve (rad).
-    pub fn encoded(&self, valve_rad: f64) -> f64 {
+    pub fn rounded_to_encoder(&self, valve_rad: f64) -> f64 {
         if self.valve_encoder_rad > 0.0 {
             ((valve_rad / self.valve_encoder_rad).round() * self.valve_encoder_rad)
                 .min(self.valve_servo.upper_rad)
@@ -681,4 +318,47 @@ impl Vehicle {
             valve_rad
         }
     }
+}
+
+/// When the tank's outlet ingests gas; nothing where gas may not follow the liquid.
+fn gas_ingestion(file: &VehicleFile, nitrous_kg_m3: f64) -> Option<GasIngestion> {
+    if file.engine.depletion.model != DepletionModel::TwoPhase {
+        return None;
+    }
+    let (tank, regulator) = (&file.feed.tank, &file.pressurant.regulator);
+    let injector_m2 = file.feed.injector.effective_area_m2();
+    Some(GasIngestion::new(
+        tank.unusable_nitrous_kg,
+        nitrous_kg_m3 * file.feed.manifold.volume_m3,
+        // Liquid that does not boil, from the greatest pressure of the file into none.
+        injector_m2 * (2.0 * nitrous_kg_m3 * tank.pressure_pa.max(regulator.set_pressure_pa)).sqrt(),
+    ))
+}
+
+/// Masses of the dry parts, and the shapes of what the vehicle holds.
+fn mass_model(file: &VehicleFile) -> Result<MassModel, Invalid> {
+    let (tank, grain, bottle) = (&file.feed.tank, &file.engine.grain, &file.pressurant.bottle);
+    let parts = file.component.iter().enumerate();
+    let components = parts
+        .map(|(i, part)| part.component().map_err(|invalid| invalid.within(&format!("component.{i}"))))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(MassModel::new(
+        &components,
+        TankGeometry { radius_m: tank.radius_m, length_m: tank.length_m, floor_z_m: tank.floor_z_m },
+        BottleGeometry {
+            radius_m: bottle.radius_m,
+            volume_m3: bottle.volume_m3,
+            centre_z_m: bottle.centre_z_m,
+        },
+        GrainGeometry {
+            port_count: grain.port_count,
+            // Ports of a grain with several stand midway between axis and outer radius.
+            port_circle_radius_m: if grain.port_count == 1 { 0.0 } else { 0.5 * grain.outer_radius_m },
+            outer_radius_m: grain.outer_radius_m,
+            length_m: grain.length_m,
+            top_z_m: grain.top_z_m,
+            fuel_density_kg_m3: grain.fuel_density_kg_m3,
+        },
+        file.slosh.roll_inertia_factor,
+    ))
 }

@@ -1,10 +1,10 @@
 //! Legs on the ground: energy only falls, a foot stays in its friction cone, the clamps carry the lift.
 
 use crate::fixture::motion::{FULL, State, balance, reference_vehicle};
-use hopbench::dynamics::Load;
 use hopbench::dynamics::landing_gear::*;
 use hopbench::dynamics::mass::{FlowTerms, MassProperties};
 use hopbench::dynamics::rigid_body::accelerations;
+use hopbench::dynamics::{Kinematics, Load};
 use hopbench::frame::{Vec3, tilt_rad};
 use hopbench::integrator::rk4_step;
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -39,8 +39,8 @@ impl Stand {
         }
     }
 
-    fn motion(s: &State) -> Motion {
-        Motion {
+    fn motion(s: &State) -> Kinematics {
+        Kinematics {
             position_ned_m: s.position_ned_m,
             velocity_ned_m_s: s.velocity_ned_m_s,
             ned_from_body: s.ned_from_body(),

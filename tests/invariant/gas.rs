@@ -185,12 +185,12 @@ fn an_uncovered_outlet_gives_a_spike_and_a_tail() {
     // stores lose is what that carries.
     let vehicle = scenario("hover_5m", &overrides).vehicle;
     let feed = bare_engine::vehicle().feed;
-    let uncovering = vehicle.uncovering.unwrap();
+    let gas_ingestion = vehicle.gas_ingestion.unwrap();
     let [valve_m2, injector_m2] = [feed.valve.discharge_coefficient, feed.injector.effective_area_m2()];
     let (mut worst, mut mixed, mut pure) = ([0.0f64; 3], 0, 0);
     for n in (1..run.len() - 1).step_by(7) {
         let s = &run[n];
-        let Some([valve_gas, injector_gas]) = uncovering.gas_shares(s.nitrous_kg) else { continue };
+        let Some([valve_gas, injector_gas]) = gas_ingestion.gas_shares(s.nitrous_kg) else { continue };
         let room_m3 = vehicle.ullage_m3(s.nitrous_kg);
         let (p0, p2) = (s.tank_pa, s.injector_inlet_pa);
         let rho0 = (s.nitrogen_ullage_kg + s.nitrous_vapor_kg) / room_m3;

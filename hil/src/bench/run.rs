@@ -164,9 +164,9 @@ impl<'a> Run<'a> {
             // Disarmed, the channels mean nothing.
             _ if !controls.armed => ActuatorCommand::SAFE,
             Ok(command) => command,
-            Err(fault) => {
+            Err(invalid) => {
                 if self.controller.reject_controls() {
-                    self.live.notice(format!("controls refused, the last command holds: {fault}"));
+                    self.live.notice(format!("controls refused, the last command holds: {invalid}"));
                 }
                 return false;
             }

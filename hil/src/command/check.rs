@@ -99,7 +99,7 @@ fn checked(file: &Path, kind: FileKind, common: &Common) -> Result<Vehicle> {
             let scenario = load::scenario(file, &common.set, None)?;
             let seed = common.seed.unwrap_or(scenario.file.seed);
             load::flyable(file, &scenario)?;
-            Flight::new(&scenario, seed).map_err(|fault| load::contradiction(file, fault))?;
+            Flight::new(&scenario, seed).map_err(|invalid| load::contradiction(file, invalid))?;
             Ok(scenario.vehicle)
         }
         FileKind::Campaign => {
@@ -114,7 +114,7 @@ fn checked(file: &Path, kind: FileKind, common: &Common) -> Result<Vehicle> {
 
 /// Prints the table of signs, computed by the plant; whether all of them agree with the convention.
 fn signs(file: &Path, vehicle: &Vehicle, common: &Common) -> Result<bool> {
-    let table = signs::table(vehicle).map_err(|fault| load::contradiction(file, fault))?;
+    let table = signs::table(vehicle).map_err(|invalid| load::contradiction(file, invalid))?;
     let agrees = table.iter().all(|row| row.agrees);
     if common.json {
         print_json(&json!({ "vehicle": vehicle.name, "agrees": agrees, "signs": table }))?;

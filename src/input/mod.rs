@@ -5,14 +5,20 @@
 //! file: [`Document::read`] walks the values beside the schema before serde sees them. So a range is
 //! written once, beside the field it bounds.
 
+mod explain;
+mod schema;
+
+pub use explain::explain;
+
 use std::fmt;
 use std::path::Path;
 
-use schemars::{JsonSchema, Schema};
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use serde_json::Value as Json;
 use toml::Value;
 use toml::de::{DeTable, DeValue};
+
+use schema::Walk;
 
 /// A parameter that contradicts another, found by a `validate` of a parameter struct.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -252,7 +258,7 @@ impl Document {
     /// Checks the document against the schema of `T` and deserialises it.
     pub fn read<T: DeserializeOwned + JsonSchema>(&self) -> Result<T, InputError> {
         let schema = schemars::schema_for!(T);
-        let mut walk = Walk { root: schema.as_value(), diagnostics: Vec::new() };
+        let mut walk = Walk::new(schema.as_value());
         walk.check(schema.as_value(), &self.value, "");
         if !walk.diagnostics.is_empty() {
             return Err(self.error(walk.diagnostics));
@@ -263,13 +269,13 @@ impl Document {
         })
     }
 
-    /// Faults found later, by a `validate`, with the lines of this document.
-    pub fn error(&self, diagnostics: Vec<Invalid>) -> InputError {
-        let mut diagnostics: Vec<Diagnostic> = diagnostics
+    /// Contradictions found later, by a `validate`, with the lines of this document.
+    pub fn error(&self, contradictions: Vec<Invalid>) -> InputError {
+        let mut diagnostics: Vec<Diagnostic> = contradictions
             .into_iter()
-            .map(|diagnostic| {
+            .map(|invalid| {
                 // Array indices may come as `a[3].b`; lines are found by `a.3.b`.
-                let key = diagnostic.key.replace('[', ".").replace(']', "");
+                let key = invalid.key.replace('[', ".").replace(']', "");
                 let by = self.overrides.iter().find(|o| {
                     o.key == key
                         || o.key.starts_with(&format!("{key}."))
@@ -278,10 +284,10 @@ impl Document {
                 match by {
                     Some(by) => Diagnostic {
                         line: None,
-                        message: format!("{} (given by {})", diagnostic.message, by.given),
+                        message: format!("{} (given by {})", invalid.message, by.given),
                         key,
                     },
-                    None => Diagnostic { line: self.line_of(&key), message: diagnostic.message, key },
+                    None => Diagnostic { line: self.line_of(&key), message: invalid.message, key },
                 }
             })
             .collect();
@@ -341,256 +347,6 @@ fn parse_value(text: &str) -> Result<Value, String> {
     }
 }
 
-/// The walk of a value beside the schema that `schemars` derives from our structs.
-struct Walk<'a> {
-    root: &'a Json,
-    diagnostics: Vec<Invalid>,
-}
-
-impl<'a> Walk<'a> {
-    fn diagnostic(&mut self, path: &str, message: String) {
-        self.diagnostics.push(Invalid::new(path, message));
-    }
-
-    fn resolve(&self, schema: &'a Json) -> &'a Json {
-        match schema.get("$ref").and_then(Json::as_str).and_then(|r| r.strip_prefix('#')) {
-            Some(pointer) => self.root.pointer(pointer).map_or(schema, |target| self.resolve(target)),
-            None => schema,
-        }
-    }
-
-    fn check(&mut self, schema: &'a Json, value: &Value, path: &str) {
-        let bounds = schema;
-        let schema = self.resolve(schema);
-        if let Some(alternatives) = alternatives(schema) {
-            self.check_alternatives(alternatives, value, path);
-            return;
-        }
-        match value {
-            Value::Table(table) => self.check_table(schema, table, path),
-            Value::Array(items) => self.check_array(schema, items, path),
-            Value::Integer(i) => self.check_number(schema, bounds, *i as f64, true, path),
-            Value::Float(x) => self.check_number(schema, bounds, *x, false, path),
-            Value::String(s) => {
-                if let Some(allowed) = schema.get("enum").and_then(Json::as_array) {
-                    if !allowed.iter().any(|a| a.as_str() == Some(s)) {
-                        self.diagnostic(path, format!("\"{s}\" is not allowed; one of {}", list(allowed)));
-                    }
-                } else if !has_type(schema, "string") {
-                    self.diagnostic(path, wrong_type(schema, "a string"));
-                }
-            }
-            Value::Boolean(_) => {
-                if !has_type(schema, "boolean") {
-                    self.diagnostic(path, wrong_type(schema, "a boolean"));
-                }
-            }
-            Value::Datetime(_) => self.diagnostic(path, wrong_type(schema, "a date")),
-        }
-    }
-
-    fn check_alternatives(&mut self, alternatives: &'a [Json], value: &Value, path: &str) {
-        let mut best: Option<Vec<Invalid>> = None;
-        let mut constants = Vec::new();
-        for alternative in alternatives {
-            let alternative = self.resolve(alternative);
-            if has_type(alternative, "null") {
-                continue;
-            }
-            if let Some(constant) = alternative.get("const") {
-                constants.push(constant.clone());
-                if value.as_str() == constant.as_str() {
-                    return;
-                }
-                continue;
-            }
-            let mut inner = Walk { root: self.root, diagnostics: Vec::new() };
-            inner.check(alternative, value, path);
-            if inner.diagnostics.is_empty() {
-                return;
-            }
-            if best.as_ref().is_none_or(|b| inner.diagnostics.len() < b.len()) {
-                best = Some(inner.diagnostics);
-            }
-        }
-        match best {
-            Some(diagnostics) => self.diagnostics.extend(diagnostics),
-            None => self.diagnostic(path, format!("{value} is not allowed; one of {}", list(&constants))),
-        }
-    }
-
-    fn check_table(&mut self, schema: &'a Json, table: &toml::Table, path: &str) {
-        if !has_type(schema, "object") {
-            self.diagnostic(path, wrong_type(schema, "a table"));
-            return;
-        }
-        let join = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-        let properties = schema.get("properties").and_then(Json::as_object);
-        for (key, value) in table {
-            if let Some(property) = properties.and_then(|p| p.get(key)) {
-                self.check(property, value, &join(key));
-            } else {
-                match schema.get("additionalProperties") {
-                    Some(Json::Bool(false)) => {
-                        let known = properties.map(|p| p.keys().map(String::as_str).collect::<Vec<_>>());
-                        let known = known.unwrap_or_default().join(", ");
-                        self.diagnostic(&join(key), format!("unknown key; known here: {known}"));
-                    }
-                    Some(inner @ Json::Object(_)) => self.check(inner, value, &join(key)),
-                    _ => {}
-                }
-            }
-        }
-        for key in schema.get("required").and_then(Json::as_array).into_iter().flatten() {
-            if let Some(key) = key.as_str().filter(|key| !table.contains_key(*key)) {
-                self.diagnostic(&join(key), "missing".to_owned());
-            }
-        }
-    }
-
-    fn check_array(&mut self, schema: &'a Json, items: &[Value], path: &str) {
-        if !has_type(schema, "array") {
-            self.diagnostic(path, wrong_type(schema, "a list"));
-            return;
-        }
-        let count = |key: &str| schema.get(key).and_then(Json::as_u64).map(|n| n as usize);
-        let (least, most) = (count("minItems").unwrap_or(0), count("maxItems").unwrap_or(usize::MAX));
-        if items.len() < least || items.len() > most {
-            let expected = if least == most {
-                format!("{least}")
-            } else if most == usize::MAX {
-                format!("at least {least}")
-            } else {
-                format!("{least} to {most}")
-            };
-            self.diagnostic(path, format!("expected {expected} entries, got {}", items.len()));
-            return;
-        }
-        let prefix = schema.get("prefixItems").and_then(Json::as_array);
-        for (i, item) in items.iter().enumerate() {
-            if let Some(schema) = prefix.and_then(|p| p.get(i)).or_else(|| schema.get("items")) {
-                self.check(schema, item, &format!("{path}.{i}"));
-            }
-        }
-    }
-
-    fn check_number(&mut self, schema: &Json, outer: &Json, x: f64, whole: bool, path: &str) {
-        if !(has_type(schema, "number") || whole && has_type(schema, "integer")) {
-            let what = if whole { "a whole number" } else { "a number with a fraction" };
-            self.diagnostic(path, wrong_type(schema, what));
-            return;
-        }
-        // A bound may stand beside the reference to a shared definition.
-        let bound = |key: &str| outer.get(key).or_else(|| schema.get(key)).and_then(Json::as_f64);
-        let (least, most) = (bound("minimum"), bound("maximum"));
-        let inside =
-            x.is_finite() && least.is_none_or(|least| x >= least) && most.is_none_or(|most| x <= most);
-        if !inside {
-            self.diagnostic(path, format!("{x} is out of range; allowed {}", range(least, most)));
-        }
-    }
-}
-
-fn alternatives(schema: &Json) -> Option<&[Json]> {
-    ["anyOf", "oneOf"].iter().find_map(|key| schema.get(*key)?.as_array().map(Vec::as_slice))
-}
-
-fn has_type(schema: &Json, name: &str) -> bool {
-    match schema.get("type") {
-        Some(Json::String(s)) => s == name,
-        Some(Json::Array(types)) => types.iter().any(|t| t == name),
-        _ => false,
-    }
-}
-
-fn wrong_type(schema: &Json, got: &str) -> String {
-    let expected = match schema.get("type") {
-        Some(Json::String(s)) => s.clone(),
-        Some(Json::Array(types)) => types.iter().filter_map(Json::as_str).collect::<Vec<_>>().join(" or "),
-        _ => "something else".to_owned(),
-    };
-    format!("expected {expected}, got {got}")
-}
-
-fn list(values: &[Json]) -> String {
-    values.iter().map(Json::to_string).collect::<Vec<_>>().join(", ")
-}
-
-fn range(least: Option<f64>, most: Option<f64>) -> String {
-    match (least, most) {
-        (Some(a), Some(b)) => format!("{a} to {b}"),
-        (Some(a), None) => format!("{a} or more"),
-        (None, Some(b)) => format!("{b} or less"),
-        (None, None) => "any finite number".to_owned(),
-    }
-}
-
-/// What a schema says of the key at a dotted path: description, type, range, default.
-pub fn explain(schema: &Schema, path: &str) -> Option<String> {
-    let root = schema.as_value();
-    let walk = Walk { root, diagnostics: Vec::new() };
-    let mut outer = root;
-    let mut node = root;
-    for part in path.split('.') {
-        let next = walk.resolve(node);
-        let next = alternatives(next)
-            .and_then(|all| {
-                all.iter().map(|a| walk.resolve(a)).find(|a| has_type(a, "object") || has_type(a, "array"))
-            })
-            .unwrap_or(next);
-        outer = if part.parse::<usize>().is_ok() && has_type(next, "array") {
-            next.get("items")?
-        } else {
-            let table = if has_type(next, "array") { walk.resolve(next.get("items")?) } else { next };
-            table.get("properties")?.get(part)?
-        };
-        node = walk.resolve(outer);
-    }
-    let either = |key: &str| outer.get(key).or_else(|| node.get(key));
-    let mut lines = vec![path.to_owned()];
-    if let Some(text) = either("description").and_then(Json::as_str) {
-        lines.push(format!("  {}", text.replace('\n', "\n  ")));
-    }
-    let bound = |key: &str| either(key).and_then(Json::as_f64);
-    if bound("minimum").is_some() || bound("maximum").is_some() {
-        lines.push(format!("  allowed: {}", range(bound("minimum"), bound("maximum"))));
-    }
-    // Bounds of the elements of a list.
-    let item = either("items").map(|items| walk.resolve(items));
-    let item_bound = |key: &str| item.and_then(|item| item.get(key)).and_then(Json::as_f64);
-    let (least, most) = (item_bound("minimum"), item_bound("maximum"));
-    if least.is_some() || most.is_some() {
-        lines.push(format!("  allowed: {} each", range(least, most)));
-    }
-    let choices = choices(&walk, node);
-    if !choices.is_empty() {
-        let values: Vec<Json> = choices.iter().map(|(value, _)| value.clone()).collect();
-        lines.push(format!("  one of: {}", list(&values)));
-        let described = choices.iter().filter_map(|(value, text)| Some((value, (*text)?)));
-        lines.extend(described.map(|(value, text)| format!("    {value}: {}", text.replace('\n', " "))));
-    }
-    if let Some(default) = either("default") {
-        lines.push(format!("  default: {default}"));
-    }
-    if let Some(properties) = node.get("properties").and_then(Json::as_object) {
-        lines.push(format!("  keys: {}", properties.keys().cloned().collect::<Vec<_>>().join(", ")));
-    }
-    Some(lines.join("\n"))
-}
-
-/// The values that a node may have, where they are listed, and what each means.
-fn choices<'a>(walk: &Walk<'a>, node: &'a Json) -> Vec<(Json, Option<&'a str>)> {
-    if let Some(value) = node.get("const") {
-        return vec![(value.clone(), node.get("description").and_then(Json::as_str))];
-    }
-    // A list, or an optional value, has the choices of what is in it.
-    let of_items = node.get("items").map(|items| choices(walk, walk.resolve(items)));
-    let listed = node.get("enum").and_then(Json::as_array).into_iter().flatten();
-    let listed = listed.map(|value| (value.clone(), None));
-    let below = alternatives(node).into_iter().flatten().flat_map(|a| choices(walk, walk.resolve(a)));
-    of_items.unwrap_or_default().into_iter().chain(listed).chain(below).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -627,7 +383,8 @@ mod tests {
         SecondKind,
     }
 
-    const GOOD: &str = "choice = \"first_kind\"\n[inner]\nlength_m = 1 # whole numbers are fine\n[[parts]]\nlength_m = 0.5\n[[parts]]\nlength_m = 0.6\naxis = [0, 0.5, 1]\n";
+    const GOOD: &str = "choice = \"first_kind\"\n[inner]\nlength_m = 1 # whole numbers are fine\n\
+                        [[parts]]\nlength_m = 0.5\n[[parts]]\nlength_m = 0.6\naxis = [0, 0.5, 1]\n";
 
     fn message(text: &str) -> String {
         Document::parse("f.toml", text).and_then(|d| d.read::<Outer>()).unwrap_err().to_string()
@@ -696,7 +453,8 @@ mod tests {
         assert!(explain(&schemars::schema_for!(Outer), "inner.nothing").is_none());
         for key in ["choice", "second"] {
             let choice = explain(&schemars::schema_for!(Outer), key).unwrap();
-            let listed = "one of: \"first_kind\", \"second_kind\"\n    \"first_kind\": One.\n    \"second_kind\": Two.";
+            let listed = "one of: \"first_kind\", \"second_kind\"\n\
+                          \x20   \"first_kind\": One.\n    \"second_kind\": Two.";
             assert!(choice.contains(listed), "{choice}");
         }
     }
