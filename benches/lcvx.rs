@@ -3,9 +3,9 @@
 //!     cargo bench -p hopbench --bench lcvx
 //!     cargo bench -p hopbench --bench lcvx -- --serve
 //!
-//! Served, it writes its programs as one JSON object a line, ends them with an empty line, and answers each line
-//! of input, the number of a program, by the times in microseconds of set-up with solve and of solve alone, and
-//! the iterations: `tools/compare/lcvx_solvers.py` asks it in turn with other solvers.
+//! Served, it writes its programs as one JSON object a line, ends them with an empty line, and answers each
+//! line of input, the number of a program, by the times in microseconds of set-up with solve and of solve
+//! alone, and the iterations: `tools/compare/lcvx_solvers.py` asks it in turn with other solvers.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 

@@ -2,8 +2,8 @@
 //!
 //!     cargo bench -p hopbench --bench step
 //!
-//! Rounds of 8 s of the open-loop reference run a and of the whole hop; the yardstick is 3.3 us a step. Beside
-//! them, in the same run, one evaluation and the integrator alone, and the navigation filter.
+//! Rounds of 8 s of the open-loop reference run a and of the whole hop; the yardstick is 3.3 us a step.
+//! Beside them, in the same run, one evaluation and the integrator alone, and the navigation filter.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a benchmark reads the clock and prints
 
@@ -52,7 +52,8 @@ fn main() {
             plant.step(schedule.at(plant.time()));
         }
     });
-    // From outside and at step 0: everything that a snapshot shows, and a solver without the last step's answer.
+    // From outside and at step 0: everything that a snapshot shows, and a solver without the last step's
+    // answer.
     report("one evaluation from a cold start", STEPS as usize, at_start, |plant| {
         for _ in 0..STEPS {
             black_box(plant.evaluate(black_box(plant.state()), 0.0));

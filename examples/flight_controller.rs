@@ -6,8 +6,8 @@
 //! ```
 //! In: HIL_SENSOR 250 Hz, ODOMETRY as the 5 Hz position beacon, pressures as NAMED_VALUE_FLOAT, HIL_GPS,
 //! DISTANCE_SENSOR. Out: HIL_ACTUATOR_CONTROLS for each HIL_SENSOR, with its time: gimbal angles in radians,
-//! thrust in newtons, roll thrusters -1, 0 or 1. Body FRD, world NED, small angles. Nothing here is Hopbench's:
-//! the `mavlink` crate and a socket are all that a computer of your own needs.
+//! thrust in newtons, roll thrusters -1, 0 or 1. Body FRD, world NED, small angles. Nothing here is
+//! Hopbench's: the `mavlink` crate and a socket are all that a computer of your own needs.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a program with clock, socket and standard error
 

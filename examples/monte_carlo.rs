@@ -1,11 +1,12 @@
-//! A small Monte Carlo in memory: the hop of 50 m under the built-in autopilot, with thrust bias and wind drawn anew.
+//! A small Monte Carlo in memory: the hop of 50 m under the built-in autopilot, with thrust bias and wind
+//! drawn anew.
 //!
 //! ```text
 //! cargo run --release -p hopbench --example monte_carlo
 //! ```
-//! The autopilot is told of the vehicle as it is written down; the plant flies what was drawn. Sensor noise follows
-//! from the seed too, and the same seed gives the same bits on every machine. For hundreds of flights with statistics
-//! that are proven, bounds and pictures: `hopbench campaign`.
+//! The autopilot is told of the vehicle as it is written down; the plant flies what was drawn. Sensor noise
+//! follows from the seed too, and the same seed gives the same bits on every machine. For hundreds of flights
+//! with statistics that are proven, bounds and pictures: `hopbench campaign`.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a program that reads files and prints
 

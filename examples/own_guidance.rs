@@ -3,10 +3,11 @@
 //! ```text
 //! cargo run --release -p hopbench --example own_guidance
 //! ```
-//! The plant is the whole vehicle, from the valve to the feet: servos, delays, ignition, slosh, mass that moves.
-//! [`law`] is called at every step (1 ms) and answers with thrust and gimbal angles. It may look at the true state,
-//! `flight.snapshot()`, as here, or at what a flight computer would get, `flight.measurement()`.
-//! World axes are north, east, down; body axes forward, right, down, so hovering is no rotation at all.
+//! The plant is the whole vehicle, from the valve to the feet: servos, delays, ignition, slosh, mass that
+//! moves. [`law`] is called at every step (1 ms) and answers with thrust and gimbal angles. It may look at
+//! the true state, `flight.snapshot()`, as here, or at what a flight computer would get,
+//! `flight.measurement()`. World axes are north, east, down; body axes forward, right, down, so hovering is
+//! no rotation at all.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // a program that reads a file and prints
 
@@ -29,7 +30,8 @@ fn law(flight: &Flight) -> ActuatorCommand {
         return ActuatorCommand { armed: true, ..ActuatorCommand::SAFE }; // the isolation valve opens
     }
 
-    // Height: a climb rate that ends at the hover, later one that dies away toward the ground; thrust to follow it.
+    // Height: a climb rate that ends at the hover, later one that dies away toward the ground; thrust to
+    // follow it.
     let climb_rate_wanted_m_s = match flight.mission_s() {
         Some(mission_s) if mission_s > 14.0 => -(0.5 + 0.3 * now.height_m).clamp(0.5, 3.0),
         _ => (0.8 * (HOVER_M - now.height_m)).min(4.0),
@@ -37,8 +39,8 @@ fn law(flight: &Flight) -> ActuatorCommand {
     let climb_rate_m_s = -now.velocity_ned_m_s.z;
     let thrust_n = now.mass_kg * (G + 1.5 * (climb_rate_wanted_m_s - climb_rate_m_s));
 
-    // Position: back to the pad, by tilting the thrust. It points along body -z: nose up pushes south, right side
-    // down pushes east.
+    // Position: back to the pad, by tilting the thrust. It points along body -z: nose up pushes south, right
+    // side down pushes east.
     let (position, velocity) = (now.position_ned_m, now.velocity_ned_m_s);
     let push = (-0.6 * position - 1.1 * velocity).map(|a| a.clamp(-1.0, 1.0)); // [m/s²] north, east
     let (roll_wanted, pitch_wanted) = (push.y / G, -push.x / G);

@@ -14,18 +14,19 @@
 //! second-order barrier conditions (Nagumo; Nguyen and Sreenath, 2016), chosen over a switch at the limit
 //! because they need no event.
 //!
-//! Coulomb friction is a critically damped spring that sticks and slips,
-//! `θ'' += -ω² clamp(K (θ - anchor) + 2 K^(1/2) θ'/ω, ±friction)`. While the
-//! servo sticks the anchor stays; beyond the friction it is dragged along, between steps. Friction is given as an
-//! angle, the error that the position loop needs to break away, so no error below it is corrected: the steady error
-//! is at most the friction, and following a slow ramp the servo lags by it. `K = 25`, less for a servo so fast
-//! that five times its frequency is beyond what RK4 at 1 ms resolves. Source: elastic-plastic (Prandtl) element, the rate-independent
-//! limit of the Dahl and LuGre models (Olsson et al., Friction Models and Friction Compensation, 1998). Static
-//! and sliding friction are the same. A servo that is told to go to a stop pushes on until it is there.
+//! Coulomb friction is a critically damped spring that sticks and slips, `θ'' += -ω² clamp(K (θ - anchor) + 2
+//! K^(1/2) θ'/ω, ±friction)`. While the servo sticks the anchor stays; beyond the friction it is dragged
+//! along, between steps. Friction is given as an angle, the error that the position loop needs to break away,
+//! so no error below it is corrected: the steady error is at most the friction, and following a slow ramp the
+//! servo lags by it. `K = 25`, less for a servo so fast that five times its frequency is beyond what RK4 at 1
+//! ms resolves. Source: elastic-plastic (Prandtl) element, the rate-independent limit of the Dahl and LuGre
+//! models (Olsson et al., Friction Models and Friction Compensation, 1998). Static and sliding friction are
+//! the same. A servo that is told to go to a stop pushes on until it is there.
 //!
-//! Play is a hysteresis behind the servo: within it what the servo moves stands still, beyond it follows. Which of
-//! the two is decided between steps and holds during one. When play is taken up the output's rate jumps to
-//! the servo's, and what it hangs on feels a blow (`plant/play.rs`). Both are remembered in [`ServoMemory`].
+//! Play is a hysteresis behind the servo: within it what the servo moves stands still, beyond it follows.
+//! Which of the two is decided between steps and holds during one. When play is taken up the output's rate
+//! jumps to the servo's, and what it hangs on feels a blow (`plant/play.rs`). Both are remembered in
+//! [`ServoMemory`].
 
 use crate::time::SimTime;
 use std::collections::VecDeque;
@@ -409,9 +410,9 @@ mod tests {
 
     #[test]
     fn friction_leaves_an_error_up_to_itself_and_no_greater() {
-        // The spring of the friction gives by f/K before it slips: an error e < f that builds up while the servo
-        // sticks is worn down by e/(1 + K) and no more; a greater one is left at f or, where the approach
-        // overshoots, anywhere between.
+        // The spring of the friction gives by f/K before it slips: an error e < f that builds up while the
+        // servo sticks is worn down by e/(1 + K) and no more; a greater one is left at f or, where the
+        // approach overshoots, anywhere between.
         let friction_rad = 2e-3;
         let servo = Servo { friction_rad, ..GIMBAL };
         for share in [0.1, 0.5, 0.9, 0.999] {
@@ -446,8 +447,8 @@ mod tests {
             }
             let error = command - state.angle_rad;
             let expected = (servo.friction_rad + lag) * f64::signum(rate);
-            // The ramp runs half a step ahead of its samples at most: 1e-5 rad/s of 1 ms, and the anchor moves
-            // between steps, so the spring gives by a step's motion, K 1e-5 rad, less clamped.
+            // The ramp runs half a step ahead of its samples at most: 1e-5 rad/s of 1 ms, and the anchor
+            // moves between steps, so the spring gives by a step's motion, K 1e-5 rad, less clamped.
             assert!((error - expected).abs() < 1e-8, "{error} against {expected}");
         }
     }

@@ -1,10 +1,11 @@
-//! What no model of the vehicle accounts for, and when: thrust that is biased, noisy or off its axis, pulses of force
-//! and moment.
+//! What no model of the vehicle accounts for, and when: thrust that is biased, noisy or off its axis, pulses
+//! of force and moment.
 //!
-//! Each entry has a window of mission time, in which it adds its effect; effects add where windows overlap. The
-//! plant takes the sum between steps and holds it during one, so a pulse whose ends lie on the step has its exact
-//! impulse. Noise of the thrust is relative, a Gauss-Markov process whose spectrum is flat up to a corner frequency
-//! and falls by 20 dB a decade above. Without thrust there is nothing to be noisy: a dead engine stays at zero.
+//! Each entry has a window of mission time, in which it adds its effect; effects add where windows overlap.
+//! The plant takes the sum between steps and holds it during one, so a pulse whose ends lie on the step has
+//! its exact impulse. Noise of the thrust is relative, a Gauss-Markov process whose spectrum is flat up to a
+//! corner frequency and falls by 20 dB a decade above. Without thrust there is nothing to be noisy: a dead
+//! engine stays at zero.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,8 @@
-//! What happens in a flight, by name: the one list that the report, faults that wait for an event, texts to a ground
-//! station, the campaign's columns and `docs/events.md` go by.
+//! What happens in a flight, by name: the one list that the report, faults that wait for an event, texts to a
+//! ground station, the campaign's columns and `docs/events.md` go by.
 //!
-//! Phases and abort reasons stand here since events carry them; what they mean to the mission is the autopilot's.
+//! Phases and abort reasons stand here since events carry them; what they mean to the mission is the
+//! autopilot's.
 
 use std::borrow::Cow;
 use std::fmt;

@@ -5,7 +5,8 @@
 //!
 //! # The house
 //!
-//! Modules stand in dependency order; a module imports only from above itself, and `tests/floors.rs` checks it.
+//! Modules stand in dependency order; a module imports only from above itself, and `tests/floors.rs` checks
+//! it.
 //!
 //! | floor | modules |
 //! |---|---|
@@ -34,8 +35,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A guidance law of one's own: `examples/own_guidance.rs`, by [`simulation::fly_with`]. Many flights, each with values
-//! drawn anew: `examples/monte_carlo.rs`.
+//! A guidance law of one's own: `examples/own_guidance.rs`, by [`simulation::fly_with`]. Many flights, each
+//! with values drawn anew: `examples/monte_carlo.rs`.
 //!
 //! # One step
 //!
@@ -69,8 +70,9 @@
 //! | servos, legs | second order, limits, delay; anchors that slip | play, friction; static above sliding friction |
 //! | air | mean, gusts | profile, Dryden turbulence |
 //!
-//! A scenario may fly the seed paper's whole scheme instead (`fidelity = "paper"`), hold a coupling still (`physics.freeze`), disturb
-//! the engine (`[[disturbance]]`) or break something ([`fault`]). What each is worth: `docs/findings.md`; what proves it: `tests/README.md`.
+//! A scenario may fly the seed paper's whole scheme instead (`fidelity = "paper"`), hold a coupling still
+//! (`physics.freeze`), disturb the engine (`[[disturbance]]`) or break something ([`fault`]). What each is
+//! worth: `docs/findings.md`; what proves it: `tests/README.md`.
 //!
 //! # Frames
 //!
@@ -96,11 +98,11 @@
 //!
 //! # Invariants
 //!
-//! * Mass on board plus mass gone is constant to 1e-9, mostly to round-off; fuel never grows; nitrogen leaves by thrusters and
-//!   vent only, and by the nozzle once an outlet that uncovers draws gas.
+//! * Mass on board plus mass gone is constant to 1e-9, mostly to round-off; fuel never grows; nitrogen leaves
+//!   by thrusters and vent only, and by the nozzle once an outlet that uncovers draws gas.
 //! * Without flow the thrust is exactly zero; it is never negative.
-//! * The rate of the state is pure ([`plant::Plant::evaluate`]); commands, ignition, contact, sampling and noise happen
-//!   between steps.
+//! * The rate of the state is pure ([`plant::Plant::evaluate`]); commands, ignition, contact, sampling and
+//!   noise happen between steps.
 //! * No input makes a panic or a number that is not finite.
 
 // Vocabulary.

@@ -72,7 +72,8 @@ impl ActuatorCommand {
 pub struct Measurement {
     /// Time of delivery, the flight computer's clock.
     pub time: SimTime,
-    /// Inertial measurement unit; present in every measurement of the wire's fast group while the unit is sound.
+    /// Inertial measurement unit; present in every measurement of the wire's fast group while the unit is
+    /// sound.
     pub imu: Option<ImuSample>,
     /// What the inertial unit still delivers instead while a half of it, or both, gives nothing.
     pub broken_imu: Option<BrokenImu>,
@@ -103,7 +104,8 @@ pub struct ImuSample {
     pub temperature_k: f64,
 }
 
-/// What is left of an inertial sample; never both halves. Nothing to navigate by, but the unit's beat goes on.
+/// What is left of an inertial sample; never both halves. Nothing to navigate by, but the unit's beat goes
+/// on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BrokenImu {
     /// As in [`ImuSample`].

@@ -1,5 +1,5 @@
-//! The index of evidence, tests/README.md, against what exists: it cannot name a test, a script or a file that is
-//! not there, nor leave out an equation or a correction.
+//! The index of evidence, tests/README.md, against what exists: it cannot name a test, a script or a file
+//! that is not there, nor leave out an equation or a correction.
 
 #![allow(clippy::disallowed_methods)] // the test reads the repository
 
@@ -115,7 +115,8 @@ fn every_data_file_names_its_maker() {
     assert!(count > 15, "{count} files");
 }
 
-/// Every fault of the catalogue stands in the table of README.md once, with its range, and names a test for it that exists.
+/// Every fault of the catalogue stands in the table of README.md once, with its range, and names a test for
+/// it that exists.
 #[test]
 fn the_table_of_faults_is_the_catalogue() {
     let readme = text(&root().join("README.md"));

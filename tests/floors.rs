@@ -1,9 +1,9 @@
-//! Floors of the house: a module imports only from above itself in `lib.rs`, in `src` and in `hil/src`, and so do the rooms of a
-//! wing in its `mod.rs`; subsystems do not import each other; the autopilot knows neither vehicle nor plant; nowhere do
-//! modules of one folder import each other in a circle.
+//! Floors of the house: a module imports only from above itself in `lib.rs`, in `src` and in `hil/src`, and
+//! so do the rooms of a wing in its `mod.rs`; subsystems do not import each other; the autopilot knows
+//! neither vehicle nor plant; nowhere do modules of one folder import each other in a circle.
 //!
-//! Not seen: what a folder's own `mod.rs` imports and what imports it, so a circle through it; `main.rs`; what stands
-//! in tests; a path that a macro makes up.
+//! Not seen: what a folder's own `mod.rs` imports and what imports it, so a circle through it; `main.rs`;
+//! what stands in tests; a path that a macro makes up.
 
 #![allow(clippy::disallowed_methods)] // this test reads the sources; the library reads nothing
 
@@ -193,8 +193,8 @@ impl House {
         self.named.insert(module, paths(&without_tests(words(text))));
     }
 
-    /// The module whose item a path is, seen from a module: through what `mod.rs` hands on (`pub use`) to where it is
-    /// defined. `None` for other packages and for what a module names of its own.
+    /// The module whose item a path is, seen from a module: through what `mod.rs` hands on (`pub use`) to
+    /// where it is defined. `None` for other packages and for what a module names of its own.
     fn target(&self, from: &[String], path: &[String]) -> Option<Module> {
         let mut path = self.absolute(from, path)?;
         // A chain of three is long; the bound ends a name that stands for itself.
@@ -236,7 +236,8 @@ impl House {
     }
 }
 
-/// What imports what, each once; imports of a folder's own `mod.rs` and by it are left out: they join no two rooms.
+/// What imports what, each once; imports of a folder's own `mod.rs` and by it are left out: they join no two
+/// rooms.
 fn imports(house: &House) -> Vec<Import> {
     let mut found = BTreeSet::new();
     for (from, paths) in &house.named {

@@ -55,7 +55,8 @@ fn run(options: Options, burden: impl Fn() + Sync, fc: impl FnOnce(&mut Link)) -
     })
 }
 
-/// Answers every HIL_SENSOR, until that of `until_us`, with the controls that `answer` makes of its number and time.
+/// Answers every HIL_SENSOR, until that of `until_us`, with the controls that `answer` makes of its number
+/// and time.
 fn answer_until(until_us: u64, link: &mut Link, answer: impl Fn(u64, u64) -> ControlsFrame) -> Vec<u64> {
     let (mut decoder, mut encoder) = (Decoder::default(), Encoder::new(1, 1));
     let (mut times, mut bytes) = (Vec::new(), Vec::new());
@@ -147,7 +148,8 @@ fn balanced(timing: &Timing) {
     assert_eq!(timing.overruns, ended, "{timing:?}");
     assert_eq!(timing.unaccounted_us, Some(0.0), "{timing:?}");
     let beyond_s = timing.wall_s - timing.simulated_s - timing.slipped_s;
-    // What is late at the end has not slipped yet: at most 50 ms; the rest is the way into the loop and out of it.
+    // What is late at the end has not slipped yet: at most 50 ms; the rest is the way into the loop and out
+    // of it.
     assert!((-0.001..0.5).contains(&beyond_s), "{beyond_s} s in {timing:?}");
 }
 

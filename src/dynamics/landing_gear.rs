@@ -1,12 +1,12 @@
 //! Legs on flat ground: vertical spring and damper, stick and slip, hold-down clamps.
 //!
-//! Each leg ends in a pad, a point fixed in the body when unloaded. Below the ground it is pushed up by
-//! `N = k δ + k_b max(0, δ - stroke) + c δ'`, never pulled down, and held sideways by a spring and damper
-//! to its anchor, the place where it touched down, up to the Coulomb cone `μ N`. An anchor is memory:
-//! fixed within a step, so that the force is a pure function, and moved between steps
-//! ([`LandingGear::anchors_after`]): set at touchdown, dragged along when the spring would leave the cone,
-//! dropped at lift-off. A pad that sticks breaks away at `μ_s N`, `μ_s` being `static_friction_ratio` times μ, then
-//! slides at `μ N` for as long as it moves on against its friction, and sticks again where it turns back.
+//! Each leg ends in a pad, a point fixed in the body when unloaded. Below the ground it is pushed up by `N =
+//! k δ + k_b max(0, δ - stroke) + c δ'`, never pulled down, and held sideways by a spring and damper to its
+//! anchor, the place where it touched down, up to the Coulomb cone `μ N`. An anchor is memory: fixed within a
+//! step, so that the force is a pure function, and moved between steps ([`LandingGear::anchors_after`]): set
+//! at touchdown, dragged along when the spring would leave the cone, dropped at lift-off. A pad that sticks
+//! breaks away at `μ_s N`, `μ_s` being `static_friction_ratio` times μ, then slides at `μ N` for as long as
+//! it moves on against its friction, and sticks again where it turns back.
 //!
 //! *Hold-down* grips the pads instead of adding a constraint ([`Grip::Held`]): the clamp pulls a foot down
 //! exactly as hard as its leg would lift it, so leg springs work in tension too and feet do not slip. The
@@ -267,7 +267,8 @@ impl LandingGear {
     /// fixed step must resolve. Every pad acts with its stiffest spring and damper in every direction.
     pub(crate) fn fastest_rate_1_s(&self, pads_body_m: &[Vec3; MAX_LEGS], body: &MassProperties) -> f64 {
         let centre = body.centre_of_mass_body_m();
-        // Sum of J^T J over the pads, J = (1, -r~): force of the pads per displacement of the body, and its moment.
+        // Sum of J^T J over the pads, J = (1, -r~): force of the pads per displacement of the body, and its
+        // moment.
         let mut gain = Matrix6::zeros();
         for &pad in pads_body_m.iter().take(self.legs()) {
             let mut jacobian = Matrix3x6::zeros();

@@ -2,11 +2,12 @@
 //!
 //! Read are the mass, the centre of mass and the moments "taken at the center of mass and aligned with the
 //! output coordinate system", each in the unit that the report names. The products of inertia are where
-//! imports go wrong: under "positive tensor notation", the default, SolidWorks prints `Lxy = +∫ x y dm`, which is
-//! the negative of the tensor's element; under "negative tensor notation" the element itself. The report holds
-//! what it takes to see that: the moments about its origin differ from those at the centre of mass by the
-//! parallel-axis terms, and the principal moments are the tensor's eigenvalues. Both are checked to the digits
-//! printed. Source: Steiner's theorem, `Ixy = Lxy + m x y` for products, `Ixx = Lxx + m (y² + z²)`.
+//! imports go wrong: under "positive tensor notation", the default, SolidWorks prints `Lxy = +∫ x y dm`,
+//! which is the negative of the tensor's element; under "negative tensor notation" the element itself. The
+//! report holds what it takes to see that: the moments about its origin differ from those at the centre of
+//! mass by the parallel-axis terms, and the principal moments are the tensor's eigenvalues. Both are checked
+//! to the digits printed. Source: Steiner's theorem, `Ixy = Lxy + m x y` for products, `Ixx = Lxx + m (y² +
+//! z²)`.
 
 use crate::frame::{Mat3, Vec3, point_inertia};
 

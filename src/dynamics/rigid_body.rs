@@ -178,9 +178,10 @@ pub fn clamped(balance: &Balance, gravity_body_m_s2: Vec3) -> (Acceleration, Loa
     (acceleration, Load { force_body_n: force, moment_body_n_m: moment })
 }
 
-/// How velocities jump when the swinging engine's angles and rates do, its play being taken up or left: what the
-/// accelerations would be if the loss of relative momentum were a load for a second, with nothing else that acts in no
-/// time. `before` and `after` differ in the gimbal's motion alone; `velocity_body_m_s` is O's, in body axes.
+/// How velocities jump when the swinging engine's angles and rates do, its play being taken up or left: what
+/// the accelerations would be if the loss of relative momentum were a load for a second, with nothing else
+/// that acts in no time. `before` and `after` differ in the gimbal's motion alone; `velocity_body_m_s` is
+/// O's, in body axes.
 pub(crate) fn velocity_jump(before: &Balance, after: &Balance, velocity_body_m_s: Vec3) -> Acceleration {
     let [had, has] = [before, after].map(|balance| momentum(balance, velocity_body_m_s));
     // Springs, dampers and stops give nothing in no time.
@@ -328,9 +329,9 @@ fn coupled(balance: &Balance) -> Acceleration {
     let w2 = w.dot(&w);
 
     // The rows as blocks: diag(a) A + C w' = force, Cᵀ A + D w' = moment, with C = -S~. The slosh rows say
-    // r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out of the lateral inertia and
-    // leave m_s `free` as a load. What is left of D's third row and column and of C's third column is that of
-    // the body with the liquid at rest.
+    // r'' = free - [A + w'×r]_xy; put into the others they take the sloshing mass out of the lateral inertia
+    // and leave m_s `free` as a load. What is left of D's third row and column and of C's third column is
+    // that of the body with the liquid at rest.
     let (mut s, mut height) = (rest, rest.z); // first moment, and that of the mass with lateral inertia
     let mut lateral_kg = m;
     let (mut d00, mut d10, mut d11) = (i[(0, 0)], i[(1, 0)], i[(1, 1)]);
@@ -379,8 +380,9 @@ fn coupled(balance: &Balance) -> Acceleration {
     if !(lateral_kg > 0.0 && m > 0.0) {
         return Acceleration::SINGULAR;
     }
-    // A = diag(a)⁻¹ (force - C w'), so (D - Cᵀ diag(a)⁻¹ C) w' = moment - Cᵀ diag(a)⁻¹ force, with the columns
-    // of C (0, -h, S_y), (h, 0, -S_x), (-R_y, R_x, 0): h the height, R the first moment with the liquid at rest.
+    // A = diag(a)⁻¹ (force - C w'), so (D - Cᵀ diag(a)⁻¹ C) w' = moment - Cᵀ diag(a)⁻¹ force, with the
+    // columns of C (0, -h, S_y), (h, 0, -S_x), (-R_y, R_x, 0): h the height, R the first moment with the
+    // liquid at rest.
     let (per_lateral, per_mass) = (1.0 / lateral_kg, 1.0 / m);
     let f = Vec3::new(force.x * per_lateral, force.y * per_lateral, force.z * per_mass);
     moment.x -= s.y * f.z - height * f.y;
@@ -455,8 +457,8 @@ fn product(a: &Mat3, b: &Mat3) -> Mat3 {
     Mat3::from_columns(&[column(0), column(1), column(2)])
 }
 
-/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k`, given by the rows of its lower triangle, by its
-/// L D Lᵀ factors; `None` otherwise.
+/// Solves `k x = b` for a symmetric positive definite 3 x 3 `k`, given by the rows of its lower triangle, by
+/// its L D Lᵀ factors; `None` otherwise.
 #[inline]
 fn solve_positive_definite([d0, k10, k11, k20, k21, k22]: [f64; 6], b: Vec3) -> Option<Vec3> {
     let per_d0 = 1.0 / d0;

@@ -12,27 +12,29 @@
 //! ```
 //!
 //! The station follows from the mode's potential J1(k r) cos θ cosh(k z), k = ξ/R. Its pressure on the wall
-//! gives the side force F ~ sinh(kh)/k, and on wall and floor the moment about the floor's centre
-//! M ~ h sinh(kh)/k - (cosh(kh) - 2)/k². The spring's force at z_s and the weight of the displaced mass must
-//! give the same, M = F z_s + F g/ω², hence z_s = h - 2 (cosh(kh) - 1)/(k sinh(kh)): the line above, for every
-//! mode. `tests/reference/slosh.rs` has the modes of a Ritz solution that knows no Bessel function. The share of mode n falls
-//! as 2/(ξ² - 1) in a shallow tank (0.84, 0.07) and all shares together are the whole liquid.
+//! gives the side force F ~ sinh(kh)/k, and on wall and floor the moment about the floor's centre M ~ h
+//! sinh(kh)/k - (cosh(kh) - 2)/k². The spring's force at z_s and the weight of the displaced mass must give
+//! the same, M = F z_s + F g/ω², hence z_s = h - 2 (cosh(kh) - 1)/(k sinh(kh)): the line above, for every
+//! mode. `tests/reference/slosh.rs` has the modes of a Ritz solution that knows no Bessel function. The share
+//! of mode n falls as 2/(ξ² - 1) in a shallow tank (0.84, 0.07) and all shares together are the whole liquid.
 //!
 //! The spring hardens with the cube of the displacement (Duffing): along each axis for itself, as the seed
-//! paper writes it, or with the distance from the axis, which in a round tank is the law that gives no
-//! moment about the axis: then the two directions exchange energy, and planar motion that is driven beyond
-//! the amplitude (2 f/α)^(1/3), f the driving acceleration, α the cubic stiffness per mass, goes over into
-//! rotary motion. A ring baffle damps the first mode by an amount that grows with the root of the wave's height η at
-//! the wall, `ζ = ζ_b (η/R)^(1/2)` (Miles, Ring Damping of Free Surface Oscillations in a Circular
-//! Tank, J. Appl. Mech. 25, 1958, whose ζ_b is 2.83 (A/(π R²))^(3/2) exp(-4.6 d/R) for a ring of area A at depth d).
-//! The wave η cos θ pushes the wall with π ρ g R² η tanh(ξ h/R)/ξ, the mass m_s displaced by a with m_s ω² a, so
+//! paper writes it, or with the distance from the axis, which in a round tank is the law that gives no moment
+//! about the axis: then the two directions exchange energy, and planar motion that is driven beyond the
+//! amplitude (2 f/α)^(1/3), f the driving acceleration, α the cubic stiffness per mass, goes over into rotary
+//! motion. A ring baffle damps the first mode by an amount that grows with the root of the wave's height η at
+//! the wall, `ζ = ζ_b (η/R)^(1/2)` (Miles, Ring Damping of Free Surface Oscillations in a Circular Tank, J.
+//! Appl. Mech. 25, 1958, whose ζ_b is 2.83 (A/(π R²))^(3/2) exp(-4.6 d/R) for a ring of area A at depth d).
+//! The wave η cos θ pushes the wall with π ρ g R² η tanh(ξ h/R)/ξ, the mass m_s displaced by a with m_s ω² a,
+//! so
 //!
 //! ```text
 //! η/a = m_s ξ²/(π ρ R³) = 2 ξ tanh(ξ h/R)/(ξ² - 1)         1.541 deep        a² = s² + (s'/ω)²
 //! ```
 //!
-//! The second mode keeps its damping ratio: that depth law is the first mode's, 2.5 ξ d/R, and another mode would need
-//! the depth itself; its wave is a quarter as high (η/a = 0.389), and dies 2.9 times as fast with depth.
+//! The second mode keeps its damping ratio: that depth law is the first mode's, 2.5 ξ d/R, and another mode
+//! would need the depth itself; its wave is a quarter as high (η/a = 0.389), and dies 2.9 times as fast with
+//! depth.
 //!
 //! Damping has a floor, and beyond
 //! `stop_fraction` of the radius a damped stop pushes the liquid back: in free fall there is no gravity

@@ -13,14 +13,14 @@
 //! Source: MIL-F-8785C, 1980, section 3.7; MIL-HDBK-1797 writes the same spectra with half the lengths across
 //! and down and `2 L` where this has L.
 //!
-//! **V.** The spectra are those that a vehicle meets as it flies through air that is frozen at that instant, with V
-//! its airspeed. A lander hangs in one place or drifts with the wind, and slow flight through frozen air would stop
-//! the turbulence; what then passes is carried by the wind. So V is the greater of the speed of the
-//! vehicle against the mean wind and the wind at 20 ft.
+//! **V.** The spectra are those that a vehicle meets as it flies through air that is frozen at that instant,
+//! with V its airspeed. A lander hangs in one place or drifts with the wind, and slow flight through frozen
+//! air would stop the turbulence; what then passes is carried by the wind. So V is the greater of the speed
+//! of the vehicle against the mean wind and the wind at 20 ft.
 //!
-//! The processes move between steps of the plant, and hold during one. The discretisation is exact for any step, and
-//! the variance stays where it is whatever T does from step to step. No gradient over the vehicle: all of it meets the
-//! same air, right for lengths far above its size.
+//! The processes move between steps of the plant, and hold during one. The discretisation is exact for any
+//! step, and the variance stays where it is whatever T does from step to step. No gradient over the vehicle:
+//! all of it meets the same air, right for lengths far above its size.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

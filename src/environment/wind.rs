@@ -1,9 +1,10 @@
 //! Wind: a mean that may grow with height, turbulence, and discrete gusts of the 1-cos shape.
 //!
 //! The mean is the same at all heights, or follows the logarithmic law of a neutral surface layer,
-//! `ln(h/z0)/ln(h_ref/z0)`, or a power law `(h/h_ref)^p` (Stull, An Introduction to Boundary Layer Meteorology,
-//! 1988, chapter 9). Open grass has a roughness length of 0.03 m and an exponent of 1/7. Valid over level uniform
-//! ground, from some roughness lengths up to about a hundred metres; below one roughness length there is no wind.
+//! `ln(h/z0)/ln(h_ref/z0)`, or a power law `(h/h_ref)^p` (Stull, An Introduction to Boundary Layer
+//! Meteorology, 1988, chapter 9). Open grass has a roughness length of 0.03 m and an exponent of 1/7. Valid
+//! over level uniform ground, from some roughness lengths up to about a hundred metres; below one roughness
+//! length there is no wind.
 //!
 //! A gust rises as U/2 (1 - cos(π t/t_rise)), may hold its peak, and falls by the mirrored law. Source:
 //! MIL-F-8785C section 3.7.1.3 for the rising half, 14 CFR 25.341 for the whole bump. A lander hangs in

@@ -1,5 +1,5 @@
-//! What can break, and how: the one list. Validation and explanation follow from it, README's table is checked against
-//! it; a new component also has three letters in the bench's `parameter.rs`.
+//! What can break, and how: the one list. Validation and explanation follow from it, README's table is
+//! checked against it; a new component also has three letters in the bench's `parameter.rs`.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,10 +1,11 @@
 //! What breaks, how and when: faults of sensors, plant, actuators, wire and flight controller.
 //!
-//! A scenario lists its faults as `[[fault]]`; more may be injected while it flies. Each names a component and a mode
-//! of the [`catalogue()`], which says what its value means, and at most one trigger: mission time, height or an event.
-//! [`Faults`] moves them on between steps. What acts becomes plain values for whoever they break: [`PlantEffect`] for
-//! the plant, [`WireEffect`] for the bench; sensor faults act on the finished [`Measurement`]. Two faults of one kind add up:
-//! errors and times as sums, shares as shares of what is left.
+//! A scenario lists its faults as `[[fault]]`; more may be injected while it flies. Each names a component
+//! and a mode of the [`catalogue()`], which says what its value means, and at most one trigger: mission time,
+//! height or an event. [`Faults`] moves them on between steps. What acts becomes plain values for whoever
+//! they break: [`PlantEffect`] for the plant, [`WireEffect`] for the bench; sensor faults act on the finished
+//! [`Measurement`]. Two faults of one kind add up: errors and times as sums, shares as shares of what is
+//! left.
 
 mod catalogue;
 pub mod plant;

@@ -10,8 +10,8 @@ pub struct PlantEffect {
     pub igniter_dead: bool,
     /// The igniter's flame comes later by this much, and burns as long (s).
     pub light_delay_s: f64,
-    /// Share of the oxidiser which passes the injector unburnt that stays in the chamber and burns at once when the
-    /// flame comes, see `propulsion/hard_start.rs`.
+    /// Share of the oxidiser which passes the injector unburnt that stays in the chamber and burns at once
+    /// when the flame comes, see `propulsion/hard_start.rs`.
     pub hard_start: f64,
     /// Oxidiser valve.
     pub valve: ServoEffect,

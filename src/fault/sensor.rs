@@ -1,8 +1,8 @@
 //! Faults of sensors: what becomes of a finished measurement.
 //!
-//! A fault acts on samples, at the rate of its sensor: where there is no new sample there is nothing to spoil. Only a
-//! late one comes when it is due, with the next measurement. Positions are shifted on a sphere of the Earth's mean
-//! radius, which is good to 0.6 % of the shift.
+//! A fault acts on samples, at the rate of its sensor: where there is no new sample there is nothing to
+//! spoil. Only a late one comes when it is due, with the next measurement. Positions are shifted on a sphere
+//! of the Earth's mean radius, which is good to 0.6 % of the shift.
 
 use std::collections::VecDeque;
 
@@ -17,8 +17,8 @@ use crate::time::SimTime;
 
 /// Mean radius of the Earth (m), IUGG.
 const EARTH_RADIUS_M: f64 = 6_371_008.8;
-/// Height in which the plume's push on the barometer falls by e (m): a chosen shape; jets at a plate decay within some
-/// ten nozzle diameters.
+/// Height in which the plume's push on the barometer falls by e (m): a chosen shape; jets at a plate decay
+/// within some ten nozzle diameters.
 const PLUME_REACH_M: f64 = 1.0;
 
 /// What the plume depends on.
@@ -171,7 +171,8 @@ impl Sample {
         }
     }
 
-    /// With readings changed along an axis or along each; a fix of satellite navigation has no readings of that kind.
+    /// With readings changed along an axis or along each; a fix of satellite navigation has no readings of
+    /// that kind.
     fn changed(self, axis: Option<Axis>, mut change: impl FnMut(f64) -> f64) -> Self {
         match self {
             Self::Vector(mut vector) => {

@@ -117,7 +117,8 @@ pub struct CriticalFlow {
     pub pressure_pa: f64,
     /// Mass flux per unit area.
     pub flux_kg_m2_s: f64,
-    /// Pressure at which the isentrope meets the saturation line; the stagnation pressure if it starts inside.
+    /// Pressure at which the isentrope meets the saturation line; the stagnation pressure if it starts
+    /// inside.
     pub saturation_pa: f64,
     /// Mach number at the saturation line with the sound speed just inside it, squared; from 1 on the
     /// flux peaks at the line itself. Zero when the isentrope starts inside.

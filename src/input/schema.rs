@@ -1,4 +1,5 @@
-//! A TOML value beside the schema that `schemars` derives from our structs: what of it the schema does not allow.
+//! A TOML value beside the schema that `schemars` derives from our structs: what of it the schema does not
+//! allow.
 
 use serde_json::Value as Json;
 use toml::Value;

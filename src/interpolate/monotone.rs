@@ -183,7 +183,8 @@ mod tests {
         assert!(values.iter().all(|v| (0.0..=9.0 + 1e-12).contains(v)));
     }
 
-    /// Slopes worked by hand from the formula: chords 1 and 3 with widths 1 and 2 give w = 5, 4 and 9/(5/1 + 4/3).
+    /// Slopes worked by hand from the formula: chords 1 and 3 with widths 1 and 2 give w = 5, 4 and 9/(5/1 +
+    /// 4/3).
     #[test]
     fn the_slope_at_a_knot_is_the_weighted_harmonic_mean() {
         let f = Monotone::new(&[0.0, 1.0, 3.0], &[[0.0], [1.0], [7.0]]);

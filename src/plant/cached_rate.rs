@@ -1,4 +1,5 @@
-//! The rate at the end of a step, which is the first stage of the next one unless something discrete has changed since.
+//! The rate at the end of a step, which is the first stage of the next one unless something discrete has
+//! changed since.
 
 use nalgebra::Quaternion;
 
@@ -6,8 +7,8 @@ use super::discrete_state::{StepInputs, WarmStartPredictor};
 use super::{Plant, Rate, State};
 use crate::integrator::Integrable;
 
-/// A rate and what it depends on. Not compared: time and wind, which move before the evaluation that ends a step, and
-/// [`super::SolverState`]. Whoever changes wind or feed maps afterwards drops the rate.
+/// A rate and what it depends on. Not compared: time and wind, which move before the evaluation that ends a
+/// step, and [`super::SolverState`]. Whoever changes wind or feed maps afterwards drops the rate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CachedRate {
     pub(super) state: State,

@@ -1,7 +1,8 @@
 //! What is written down of a [`Snapshot`], number by number: name, unit, and where the number comes from.
 //!
-//! One list. `fly --csv` and the array of the plant on the wire are selections of it. A number that [`Snapshot`] has is
-//! a line here: `.csv()` appends it to the CSV table. Every place of the array is taken, as many as its message has.
+//! One list. `fly --csv` and the array of the plant on the wire are selections of it. A number that
+//! [`Snapshot`] has is a line here: `.csv()` appends it to the CSV table. Every place of the array is taken,
+//! as many as its message has.
 
 use super::Snapshot;
 
@@ -38,8 +39,8 @@ const fn column(name: &'static str, unit: &'static str, value: fn(&Snapshot) -> 
     Column { name, unit, in_csv: false, place: None, value }
 }
 
-/// Everything that is written down. Centre of mass in the structural frame; inertia about it, slosh and specific
-/// force in FRD; position and velocity of the gimbal pivot; actuators as realised.
+/// Everything that is written down. Centre of mass in the structural frame; inertia about it, slosh and
+/// specific force in FRD; position and velocity of the gimbal pivot; actuators as realised.
 pub const COLUMNS: &[Column] = &[
     column("time_s", "s", |s| s.time.s()).csv(),
     column("north_m", "m", |s| s.position_ned_m.x).csv(),

@@ -121,8 +121,8 @@ impl Plant {
         }
     }
 
-    /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own engine, as a
-    /// well identified controller would, and nothing of what is broken in it.
+    /// The engine controller: throttle to valve angle, holding the minimum. It knows the plant's own engine,
+    /// as a well identified controller would, and nothing of what is broken in it.
     fn control_engine(&mut self, on: bool, throttle: Throttle) {
         let now = self.time;
         if !on {

@@ -1,4 +1,5 @@
-//! The continuous part of the plant: forces, flows and the rate of its state, once per stage of the integrator. Pure.
+//! The continuous part of the plant: forces, flows and the rate of its state, once per stage of the
+//! integrator. Pure.
 
 use nalgebra::Vector2;
 
@@ -83,13 +84,15 @@ impl Plant {
         Actuators { valve, valve_rate, gimbal, gimbal_rate, rcs_level_rate: self.rcs_level_rate(state) }
     }
 
-    /// Mass properties of what is on board, how fast they change, and what moving contents add to the balance of momentum.
+    /// Mass properties of what is on board, how fast they change, and what moving contents add to the balance
+    /// of momentum.
     #[inline(always)]
     fn mass(&self, state: &State, supply: &Supply) -> Mass {
         let Supply { engine, nitrous_kg, stores_rate, .. } = supply;
         let port_radius_m_s = match self.frozen.port_radius_m {
             None => engine.regression_rate_m_s,
-            // The engine sees the frozen port, the mass model the real one: its growth follows from the fuel burnt.
+            // The engine sees the frozen port, the mass model the real one: its growth follows from the fuel
+            // burnt.
             Some(_) => {
                 let grain = &self.vehicle.engine_parameters.grain;
                 engine.fuel_kg_s / grain.fuel_per_regression_kg_m(state.port_radius_m)
@@ -253,8 +256,8 @@ impl Plant {
         }
     }
 
-    /// Contents for the mass model with so much liquid in the tank (kg), frozen couplings applied, and the flow of gas
-    /// into the run tank (kg/s), `transfer_kg_s` where nothing is frozen.
+    /// Contents for the mass model with so much liquid in the tank (kg), frozen couplings applied, and the
+    /// flow of gas into the run tank (kg/s), `transfer_kg_s` where nothing is frozen.
     #[inline(always)]
     pub(super) fn contents(
         &self,
@@ -285,8 +288,9 @@ impl Plant {
             Pair::B => levels.b,
         };
         let outflow = |position_body_m, mass_flow_kg_s| Outflow { position_body_m, mass_flow_kg_s };
-        // Gas in manifold and chamber has no mass in the model: what leaves tank and grain leaves the vehicle. With the
-        // nozzle's own flow the momentum of the internal flow would depend on the choice of origin.
+        // Gas in manifold and chamber has no mass in the model: what leaves tank and grain leaves the
+        // vehicle. With the nozzle's own flow the momentum of the internal flow would depend on the choice of
+        // origin.
         let from_tank_and_grain_kg_s = supply.engine.tank_kg_s + supply.engine.fuel_kg_s;
         let mut terms = FlowTerms::new(
             rate,

@@ -1,7 +1,8 @@
 //! What is discrete in the plant: constant inside a step, changed between steps.
 //!
-//! [`StepInputs`] is what the rate of the continuous state is a function of, beside the state itself; [`SolverState`]
-//! is read by the rate too, but not compared; [`DiscreteState`] is read by no stage of the integrator.
+//! [`StepInputs`] is what the rate of the continuous state is a function of, beside the state itself;
+//! [`SolverState`] is read by the rate too, but not compared; [`DiscreteState`] is read by no stage of the
+//! integrator.
 
 use nalgebra::Vector2;
 
@@ -13,8 +14,8 @@ use crate::propulsion::{FeedGrid, FeedInput, Flame, ImplicitMethod, Modulator, P
 use crate::signal::Throttle;
 use crate::time::SimTime;
 
-/// Discrete inputs of the rate of the state: with equal inputs, time and wind a state has the same rate, which is what
-/// [`super::CachedRate`] rests on.
+/// Discrete inputs of the rate of the state: with equal inputs, time and wind a state has the same rate,
+/// which is what [`super::CachedRate`] rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct StepInputs {
     /// Valve angle and gimbal angles as they reach the servos (rad).
@@ -42,9 +43,9 @@ pub(super) struct StepInputs {
     pub(super) faults: FaultState,
 }
 
-/// What solvers carry from step to step. Whoever moves the grid drops the cached rate. The warm start moves a solution
-/// by less than its tolerance; but a tank outlet that draws gas has its gas share from the last inlet pressure, and the
-/// first stage of a step sees that one step older than the others do.
+/// What solvers carry from step to step. Whoever moves the grid drops the cached rate. The warm start moves a
+/// solution by less than its tolerance; but a tank outlet that draws gas has its gas share from the last
+/// inlet pressure, and the first stage of a step sees that one step older than the others do.
 #[derive(Clone, Debug)]
 pub(super) struct SolverState {
     pub(super) feed: FeedGrid,
@@ -74,7 +75,8 @@ pub(super) struct DiscreteState {
     pub(super) fault_memory: FaultMemory,
 }
 
-/// What the feed system's own steps start from, with a feed that stores. It acts after the beginning of a step only.
+/// What the feed system's own steps start from, with a feed that stores. It acts after the beginning of a
+/// step only.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FeedStart {
     /// What drove the feed system when the step began.

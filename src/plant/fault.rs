@@ -1,13 +1,15 @@
-//! What is broken in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame and engine.
+//! What is broken in the vehicle: how a [`PlantEffect`] reaches servos, valves, thrusters, regulator, flame
+//! and engine.
 //!
-//! Everything here changes between steps. The engine controller goes on with the sound engine ([`super::command`]): a
-//! valve that is off or a chamber that burns badly is seen as thrust that is not what was asked for. It reads the
-//! tank's pressure as it does in blow-down, so it opens the valve farther under a regulator that droops, until that is
-//! open. Ideal actuators have no dynamics to slow and no play to widen; the rest acts on them at once.
+//! Everything here changes between steps. The engine controller goes on with the sound engine
+//! ([`super::command`]): a valve that is off or a chamber that burns badly is seen as thrust that is not what
+//! was asked for. It reads the tank's pressure as it does in blow-down, so it opens the valve farther under a
+//! regulator that droops, until that is open. Ideal actuators have no dynamics to slow and no play to widen;
+//! the rest acts on them at once.
 //!
-//! A regulator that droops lets no gas back: the tank falls as its gas expands into the room that the liquid leaves,
-//! at constant temperature, down to the lower outlet pressure; it recovers with the regulator's response time.
-//! With gas as a state the regulator's own balance does that.
+//! A regulator that droops lets no gas back: the tank falls as its gas expands into the room that the liquid
+//! leaves, at constant temperature, down to the lower outlet pressure; it recovers with the regulator's
+//! response time. With gas as a state the regulator's own balance does that.
 
 use super::{Evaluation, Plant, State};
 use crate::actuator::{Servo, StrokeValve};
@@ -171,7 +173,8 @@ impl Plant {
     fn advance_regulator(&mut self, now: &Evaluation) {
         let FaultState { effect, sag_pa, .. } = self.inputs.faults;
         let droop_pa = effect.regulator_droop_pa;
-        // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on letting out.
+        // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on
+        // letting out.
         let trapped_nitrogen_kg = &mut self.discrete.fault_memory.trapped_nitrogen_kg;
         if droop_pa <= sag_pa || *trapped_nitrogen_kg <= 0.0 {
             *trapped_nitrogen_kg = now.pressurant.tank_kg;

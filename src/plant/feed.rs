@@ -1,7 +1,7 @@
 //! The feed system's own steps inside a step of the plant, when it stores anything: see
 //! [`crate::propulsion::FeedState`]. Every stage of the integrator sees it advanced from the beginning of the
-//! step to the stage's instant; at the end it is advanced over the whole step, and what the manifold has taken
-//! up leaves the tank.
+//! step to the stage's instant; at the end it is advanced over the whole step, and what the manifold has
+//! taken up leaves the tank.
 
 use super::discrete_state::FeedStart;
 use super::{Plant, State};
@@ -50,8 +50,8 @@ impl Plant {
         let feed = self.feed_in(&self.state);
         let FeedPoint { engine, state: fed } = self.feed_after(&feed, &self.state, open_area_m2, 1.0);
         self.solver.warm_start.last.slope_kg_s_pa = engine.warm_start.slope_kg_s_pa;
-        // Two methods of integration give what is injected and what is stored. Their difference must not draw an empty
-        // tank below zero.
+        // Two methods of integration give what is injected and what is stored. Their difference must not draw
+        // an empty tank below zero.
         let taken_kg = fed.manifold_kg - self.state.manifold_kg;
         let given_kg = taken_kg.min(self.state.nitrous_kg);
         self.state.nitrous_kg -= given_kg;

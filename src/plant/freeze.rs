@@ -79,8 +79,8 @@ impl Frozen {
     }
 }
 
-/// Rate of the diagonal of m (c·c E - c cᵀ), what the parallel-axis theorem adds, with m c changing along z only:
-/// it is (S·S E - S Sᵀ)/m.
+/// Rate of the diagonal of m (c·c E - c cᵀ), what the parallel-axis theorem adds, with m c changing along z
+/// only: it is (S·S E - S Sᵀ)/m.
 fn transfer_rate(mass: &MassProperties, rate: &MassRate) -> Vec3 {
     let (m, s) = (mass.mass_kg, mass.first_moment_kg_m);
     if m <= 0.0 {

@@ -1,10 +1,10 @@
 //! The plant: what the vehicle does with its commands, from the valve to the feet.
 //!
-//! [`Plant::step`] is the block diagram. [`Plant::evaluate`] is its continuous part, pure, called once
-//! per stage of the integrator: servos, feed and combustion, mass, loads, balance of momentum. Whatever
-//! is discrete happens between steps: commands and their delays, the ignition sequence, strokes of the
-//! isolation and vent valves, contact anchors, pulses of the thrusters, events (`step_end.rs`). The rate of the state is
-//! a function of the state and of `StepInputs` (`discrete_state.rs`); forces are summed in `Plant::loads`
+//! [`Plant::step`] is the block diagram. [`Plant::evaluate`] is its continuous part, pure, called once per
+//! stage of the integrator: servos, feed and combustion, mass, loads, balance of momentum. Whatever is
+//! discrete happens between steps: commands and their delays, the ignition sequence, strokes of the isolation
+//! and vent valves, contact anchors, pulses of the thrusters, events (`step_end.rs`). The rate of the state
+//! is a function of the state and of `StepInputs` (`discrete_state.rs`); forces are summed in `Plant::loads`
 //! (`continuous.rs`).
 //!
 //! Beside it stand the seed paper's scheme, `fidelity = "paper"` (`paper.rs`), and couplings held still for
@@ -85,7 +85,7 @@ pub struct Plant {
 
 /// What somebody at a bench adds to the world in mid-run; by default nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Interference {
+pub struct BenchDisturbance {
     /// Wind on top of the scenario's (m/s).
     pub wind_ned_m_s: Vec3,
     /// Disturbance on top of the scenario's.
@@ -176,8 +176,8 @@ impl Plant {
     }
 
     /// Sets wind and disturbance from the bench. Wind acts in the next step, the disturbance one step later.
-    pub fn interfere(&mut self, interference: &Interference) {
-        let Interference { wind_ned_m_s, disturbance } = *interference;
+    pub fn set_bench_disturbance(&mut self, bench_disturbance: &BenchDisturbance) {
+        let BenchDisturbance { wind_ned_m_s, disturbance } = *bench_disturbance;
         self.environment.wind.add_ned_m_s((wind_ned_m_s != Vec3::zeros()).then_some(wind_ned_m_s));
         self.disturbances
             .set_constant((disturbance != ConstantDisturbance::default()).then_some(disturbance));
@@ -194,8 +194,8 @@ impl Plant {
             IntegratorKind::Rk4 => {
                 let before = self.state;
                 self.state = rk4_step_from(&before, &first, dt_s, |state, at| self.rate(state, at));
-                // The port radius follows from the burnt mass, so fuel is conserved to round-off; integrated by itself
-                // it would leave the error of the method in its square.
+                // The port radius follows from the burnt mass, so fuel is conserved to round-off; integrated
+                // by itself it would leave the error of the method in its square.
                 let burnt_kg = self.state.burnt_kg - before.burnt_kg;
                 self.state.port_radius_m = self.port_radius_after_burning_m(&before, burnt_kg);
             }

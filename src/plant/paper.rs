@@ -1,14 +1,15 @@
 //! The seed paper's scheme: explicit Euler at 0.02 s, in the centre of mass, with its own engine.
 //!
-//! At a knot the rate of the state is evaluated and then held until the next knot, so that the plant's clock, its
-//! sensors and its loops keep their 1 ms. Position and velocity are taken to the centre of mass, stepped there, and
-//! brought back with the new attitude and the new centre: the paper tracks the centre of mass and does not add its
-//! drift in the body. The port grows by Eq 4, not by Euler; the attitude is normalised at knots.
+//! At a knot the rate of the state is evaluated and then held until the next knot, so that the plant's clock,
+//! its sensors and its loops keep their 1 ms. Position and velocity are taken to the centre of mass, stepped
+//! there, and brought back with the new attitude and the new centre: the paper tracks the centre of mass and
+//! does not add its drift in the body. The port grows by Eq 4, not by Euler; the attitude is normalised at
+//! knots.
 //!
-//! Not of the paper, and therefore not on its step: servos and thruster valves move at the plant's step, what is held
-//! sees them at the knots; while a pad touches the ground every step is a knot, because legs are too stiff for 0.02 s.
-//! The liquid stops at the wall (`stop_fraction` of the radius, outward velocity gone) where the full model has a
-//! stiff stop, which 0.02 s cannot carry.
+//! Not of the paper, and therefore not on its step: servos and thruster valves move at the plant's step, what
+//! is held sees them at the knots; while a pad touches the ground every step is a knot, because legs are too
+//! stiff for 0.02 s. The liquid stops at the wall (`stop_fraction` of the radius, outward velocity gone)
+//! where the full model has a stiff stop, which 0.02 s cannot carry.
 //!
 //! Source: the seed paper, Sec II.H; Eq 4 for the port; Eqs 17 to 20 for the liquid, one way; Eqs 21, 22.
 

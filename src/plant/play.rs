@@ -1,8 +1,9 @@
 //! Play of the gimbal: what the body feels when it is taken up or left.
 //!
-//! Inside the play the engine stands still against the body, beyond it follows the servo; which of the two holds during
-//! a step ([`crate::actuator::Servo::output`]). So angle and rate of the engine jump between steps, and
-//! vehicle and liquid take the blow: their velocities jump such that momentum about the pivot stays as it was.
+//! Inside the play the engine stands still against the body, beyond it follows the servo; which of the two
+//! holds during a step ([`crate::actuator::Servo::output`]). So angle and rate of the engine jump between
+//! steps, and vehicle and liquid take the blow: their velocities jump such that momentum about the pivot
+//! stays as it was.
 
 use super::Plant;
 use super::continuous::slosh_states;
@@ -25,7 +26,8 @@ impl Plant {
         }
     }
 
-    /// Lets vehicle and liquid take the blow of an engine that moved so a moment ago, and now moves otherwise.
+    /// Lets vehicle and liquid take the blow of an engine that moved so a moment ago, and now moves
+    /// otherwise.
     pub(super) fn apply_play_impulse(&mut self, before: GimbalMotion) {
         if !self.vehicle.gimbal.engine_inertia || self.options.clamped {
             return;

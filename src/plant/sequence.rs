@@ -2,8 +2,9 @@
 //!
 //! With an automatic sequence arming opens the isolation valve and shuts the vent, throttle above the
 //! shutdown fraction fires the igniter and releases the hold-down, disarming takes the power: each valve goes
-//! where it stands without. Otherwise the flight controller's own channels do it. Before anything was armed for
-//! the first time the initial state holds: nothing flows, not even through a valve that is open without power.
+//! where it stands without. Otherwise the flight controller's own channels do it. Before anything was armed
+//! for the first time the initial state holds: nothing flows, not even through a valve that is open without
+//! power.
 
 use crate::scenario::{Scenario, SequenceSource};
 use crate::signal::{ActuatorCommand, Discrete};

@@ -1,5 +1,5 @@
-//! The plant at step 0: on its legs, or in the air with the engine steady; and whether the fixed step resolves
-//! chamber, drag and legs.
+//! The plant at step 0: on its legs, or in the air with the engine steady; and whether the fixed step
+//! resolves chamber, drag and legs.
 
 use nalgebra::{Quaternion, Vector2};
 

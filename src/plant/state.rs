@@ -71,7 +71,8 @@ state! {
     chamber_oxidizer_kg: f64,
     /// Fuel in the chamber's gas, with the filling model (kg).
     chamber_fuel_kg: f64,
-    /// Oxidiser between valve and injector, with the implicit manifold (kg). Advanced by the feed's own implicit step, as is the next.
+    /// Oxidiser between valve and injector, with the implicit manifold (kg). Advanced by the feed's own
+    /// implicit step, as is the next.
     manifold_kg: f64,
     /// Flow of the liquid column before the valve, with a feed line (kg/s).
     line_kg_s: f64,

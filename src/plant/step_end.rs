@@ -1,5 +1,5 @@
-//! After a step: its last evaluation and snapshot, valve seats, faults, flame, depletion, feed maps, pads, and the events
-//! of these; and the disturbances' own time.
+//! After a step: its last evaluation and snapshot, valve seats, faults, flame, depletion, feed maps, pads,
+//! and the events of these; and the disturbances' own time.
 
 use super::{Evaluation, Plant, State};
 use crate::actuator::ServoMemory;
@@ -95,7 +95,8 @@ impl Plant {
         }
     }
 
-    /// Lets the feed system's maps follow the tank. A map costs some steps' time, so it waits until something flows.
+    /// Lets the feed system's maps follow the tank. A map costs some steps' time, so it waits until something
+    /// flows.
     fn follow_tank(&mut self, now: &Evaluation) {
         let asked = self.discrete.demand.valve_rad > 0.0;
         let flows = self.inputs.isolation_opening > 0.0 && (asked || self.leaks(now));
@@ -116,8 +117,8 @@ impl Plant {
         }
     }
 
-    /// Notes a tank whose liquid is used up, a bottle that no longer feeds the regulator, and a tank above what the
-    /// regulator keeps.
+    /// Notes a tank whose liquid is used up, a bottle that no longer feeds the regulator, and a tank above
+    /// what the regulator keeps.
     fn detect_depletion(&mut self, now: &NitrogenState) {
         if !self.inputs.nitrous_depleted && self.state.nitrous_kg <= self.vehicle.tank.unusable_nitrous_kg {
             self.inputs.nitrous_depleted = true;

@@ -1,5 +1,5 @@
-//! The first half of the block diagram: oxidiser and gas from the tanks through valve, injector and chamber, and the
-//! thrust that they make.
+//! The first half of the block diagram: oxidiser and gas from the tanks through valve, injector and chamber,
+//! and the thrust that they make.
 
 use super::{Plant, State};
 use crate::propulsion::{
@@ -27,8 +27,8 @@ pub(super) struct Supply {
 }
 
 impl Plant {
-    /// What leaves each store through an oxidiser valve at an angle (rad), and the thrust that it makes; `step_fraction` of a
-    /// step on.
+    /// What leaves each store through an oxidiser valve at an angle (rad), and the thrust that it makes;
+    /// `step_fraction` of a step on.
     #[inline(always)]
     pub(super) fn supply(&self, state: &State, step_fraction: f64, valve_rad: f64) -> Supply {
         let vehicle = &self.vehicle;
@@ -152,8 +152,8 @@ impl Plant {
         (Some(outlet), gas_share * (1.0 - view.vapor_share()))
     }
 
-    /// What the engine does with this much valve area open, `step_fraction` of a step on, and what the manifold has taken
-    /// up since the step began (kg).
+    /// What the engine does with this much valve area open, `step_fraction` of a step on, and what the
+    /// manifold has taken up since the step began (kg).
     #[inline(always)]
     fn engine_at(
         &self,

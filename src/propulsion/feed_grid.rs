@@ -1,25 +1,27 @@
 //! [`FeedGrid`]: the feed system of a tank whose pressure and temperature move.
 //!
-//! A [`FeedMap`] holds for one state of the tank and costs the time of some steps. So maps are made at the nodes of
-//! a grid over tank pressure and temperature, and between nodes the feed system is interpolated linearly over the
-//! triangle of three nodes that contains the tank's state. Neighbouring triangles agree along their common side, so a
-//! flight converges as its step shrinks. [`Feed`] is the feed system at one state of the tank; every stage of the
-//! integrator takes its own. At a node it is that node's map alone: a tank that keeps its first state costs nothing.
+//! A [`FeedMap`] holds for one state of the tank and costs the time of some steps. So maps are made at the
+//! nodes of a grid over tank pressure and temperature, and between nodes the feed system is interpolated
+//! linearly over the triangle of three nodes that contains the tank's state. Neighbouring triangles agree
+//! along their common side, so a flight converges as its step shrinks. [`Feed`] is the feed system at one
+//! state of the tank; every stage of the integrator takes its own. At a node it is that node's map alone: a
+//! tank that keeps its first state costs nothing.
 //!
-//! Each map has a kink at its own flash pressure. Interpolated at equal P2, the three would give three kinks. So each
-//! map is read at the same relative position, either between the lowest pressure and its flash pressure or
-//! between its flash pressure and its tank pressure: the kinks coincide, and one remains.
+//! Each map has a kink at its own flash pressure. Interpolated at equal P2, the three would give three kinks.
+//! So each map is read at the same relative position, either between the lowest pressure and its flash
+//! pressure or between its flash pressure and its tank pressure: the kinks coincide, and one remains.
 //!
-//! Linear interpolation over 0.5 bar and 0.25 K errs by an eighth of the second difference. Near the vapour pressure,
-//! where the slope of the valve's flux is that of a square root, this is up to 8e-4 of the flow; for the injector it is
-//! 2e-5.
+//! Linear interpolation over 0.5 bar and 0.25 K errs by an eighth of the second difference. Near the vapour
+//! pressure, where the slope of the valve's flux is that of a square root, this is up to 8e-4 of the flow;
+//! for the injector it is 2e-5.
 
 use super::feed_map::{FeedMap, Inlet};
 use crate::fluid::{Nitrous, Stagnation};
 
 /// Spacing of the grid: Pa and K.
 const SPACING: [f64; 2] = [5e4, 0.25];
-/// A state nearer to a node than this share of the spacing counts as the node: 5 mPa, less than the accuracy of P2.
+/// A state nearer to a node than this share of the spacing counts as the node: 5 mPa, less than the accuracy
+/// of P2.
 const ON_NODE: f64 = 1e-7;
 /// Maps that are kept: those of a triangle, and one more for a state that moves to and fro across a side.
 const MAPS: usize = 4;
@@ -40,7 +42,8 @@ pub struct FeedGrid {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct GridTriangle {
     cell: [i32; 2],
-    /// The half in which temperature is farther from the cell's first corner than pressure, in units of the spacing.
+    /// The half in which temperature is farther from the cell's first corner than pressure, in units of the
+    /// spacing.
     warm: bool,
     /// Index of the map at each corner; one without weight need not exist.
     corners: [Option<usize>; 3],

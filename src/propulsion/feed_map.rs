@@ -2,8 +2,9 @@
 //!
 //! State 1 is the liquid in the tank, state 2 the oxidiser between valve and injector (the valve throttles:
 //! h₂ = h₁), state 3 the chamber (the injector expands: s₃ = s₂). At fixed h₁, s₁ every property of state 2,
-//! the choked flux of the injector and the flux of the valve are functions of P₂ alone. They are tabulated once for a
-//! state of the tank, piecewise between the pressures at which they have kinks, and cost a look-up each afterwards.
+//! the choked flux of the injector and the flux of the valve are functions of P₂ alone. They are tabulated
+//! once for a state of the tank, piecewise between the pressures at which they have kinks, and cost a look-up
+//! each afterwards.
 
 use super::injector::{OrificePressures, SinglePhase, flashing_flux_kg_m2_s};
 use crate::fluid::{CriticalFlow, Nitrous, Stagnation};
@@ -143,7 +144,8 @@ impl FeedMap {
         self.valve_critical_pa = valve.pressure_pa;
         self.valve_critical_flux = valve.flux_kg_m2_s;
 
-        // Where the injector's choking pressure enters the table's range, and where its peak moves to the kink.
+        // Where the injector's choking pressure enters the table's range, and where its peak moves to the
+        // kink.
         let (floor_pa, tank) = (Nitrous::LEAST_PA, self.tank);
         let choking_enters_pa = self.zero_of(floor_pa, self.flash_pa, |map, pa| {
             let critical = map.injector_critical(n2o, pa, true);

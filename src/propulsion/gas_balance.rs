@@ -15,11 +15,12 @@
 //! A regulator with a response time τ is a linear equation for its flow: P' = (P1(M) - P)/τ, with P1 the set
 //! pressure less droop, plus the lock-up that a small flow uses up. Flow is never backward, and never more
 //! than keeps the tank the minimum drop below the bottle: there the tank blows down with it. A tank above its
-//! pressure shuts it, no more: there is no relief valve, so vapour that joins nitrogen at the set pressure stays.
+//! pressure shuts it, no more: there is no relief valve, so vapour that joins nitrogen at the set pressure
+//! stays.
 //!
 //! Source: Zimmerman, Waxman, Cantwell and Zilliac, "Review and Evaluation of Models for Self-Pressurizing
-//! Propellant Tank Dynamics", AIAA 2013-4045: tank in equilibrium, and with the balances of liquid, surface and
-//! gas of Zilliac and Karabeyoglu and of Casalino and Pastrone; here with one surface conductance between
+//! Propellant Tank Dynamics", AIAA 2013-4045: tank in equilibrium, and with the balances of liquid, surface
+//! and gas of Zilliac and Karabeyoglu and of Casalino and Pastrone; here with one surface conductance between
 //! them, and nitrogen. Valid for gas of 130 to 430 K over liquid of 184 to 307 K.
 
 use core::ops::{Add, Mul};
@@ -190,7 +191,8 @@ impl GasBalance {
         }
     }
 
-    /// State at the start, everything at rest: nitrogen in the bottle (kg), liquid (kg) and its temperature (K).
+    /// State at the start, everything at rest: nitrogen in the bottle (kg), liquid (kg) and its temperature
+    /// (K).
     pub fn initial(&self, bottle_kg: f64, nitrous_kg: f64, temperature_k: f64) -> GasState {
         let vapor = NitrousVapor::tables();
         let saturated = vapor.saturated_density_kg_m3(temperature_k);

@@ -1,15 +1,16 @@
 //! A hard start: oxidiser that has pooled in the cold chamber burns at once when the flame comes.
 //!
-//! A pool of mass m becomes gas at the steady engine's mixture in less time than the chamber takes to empty, so the
-//! pressure rises by `P = m R T/V` and falls through the choked throat with `τ = V η c*/(R T C_d A_t)`: the mass
-//! balance of the filling chamber ([`super::Chamber`]) linearised about its steady state, exact in its impulse,
-//! `∫ P C_d A_t/(η c*) dt = m`. Thrust follows the pressure as that of a nozzle flowing full.
+//! A pool of mass m becomes gas at the steady engine's mixture in less time than the chamber takes to empty,
+//! so the pressure rises by `P = m R T/V` and falls through the choked throat with `τ = V η c*/(R T C_d
+//! A_t)`: the mass balance of the filling chamber ([`super::Chamber`]) linearised about its steady state,
+//! exact in its impulse, `∫ P C_d A_t/(η c*) dt = m`. Thrust follows the pressure as that of a nozzle flowing
+//! full.
 //!
-//! Valid above the pressure at which the nozzle flows full. A pool that takes longer than τ, some milliseconds, to
-//! burn peaks lower. The pool was counted as expelled when it passed the injector; the fuel that burns with it is not
-//! counted and gives no gas, so peak and impulse lack a share of one over the mixture ratio, about a sixth. The spike
-//! neither drives back the feed nor bursts the casing. Under `fidelity = "paper"` a spike in flight shows only at the
-//! ends of the scheme's steps.
+//! Valid above the pressure at which the nozzle flows full. A pool that takes longer than τ, some
+//! milliseconds, to burn peaks lower. The pool was counted as expelled when it passed the injector; the fuel
+//! that burns with it is not counted and gives no gas, so peak and impulse lack a share of one over the
+//! mixture ratio, about a sixth. The spike neither drives back the feed nor bursts the casing. Under
+//! `fidelity = "paper"` a spike in flight shows only at the ends of the scheme's steps.
 //!
 //! Source: balance of mass of a chamber with a choked throat, `chamber.rs`.
 

@@ -26,8 +26,8 @@ pub struct Inverse {
 const FLOW_TOLERANCE_KG_S: f64 = 1e-9;
 
 impl Engine {
-    /// Valve angle for a steady thrust. The answer is for the steady engine, whatever gas is in the chamber and
-    /// whatever fuel comes off the grain.
+    /// Valve angle for a steady thrust. The answer is for the steady engine, whatever gas is in the chamber
+    /// and whatever fuel comes off the grain.
     pub fn inverse<'f>(
         &self,
         feed: impl Into<Feed<'f>>,

@@ -1,22 +1,23 @@
-//! What the feed system stores: oxidiser between valve and injector, and momentum of the liquid before the valve.
+//! What the feed system stores: oxidiser between valve and injector, and momentum of the liquid before the
+//! valve.
 //!
-//! Content m of the manifold and flow w of the line obey
-//! `dm/dt = w - ṁ_injector` and `L/A dw/dt = P1 + ρ g h - P2 - ΔP_valve(w)`,
-//! P2 follows from m by `ρ(P2, h1) = m/V`: the valve throttles, and what is stored keeps the tank's enthalpy.
-//! While it boils, dρ/dP is some hundred times the liquid's, and filling the 25 mL of the reference vehicle
-//! takes 30 to 50 ms; the lag of P2, `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`, falls to 1 ms and less where
-//! the flow is liquid. Without a line w is the valve's steady flow; with one, `ΔP_valve = (P1 - P2) (w/w_steady)²`:
-//! exact for liquid, a quadratic through the steady flow of the flashing valve otherwise. A column that would
-//! flow back stops: w ≥ 0, and the injector passes nothing against the pressure.
+//! Content m of the manifold and flow w of the line obey `dm/dt = w - ṁ_injector` and
+//! `L/A dw/dt = P1 + ρ g h - P2 - ΔP_valve(w)`, P2 follows from m by `ρ(P2, h1) = m/V`: the valve throttles,
+//! and what is stored keeps the tank's enthalpy. While it boils, dρ/dP is some hundred times the liquid's, and filling the 25 mL of
+//! the reference vehicle takes 30 to 50 ms; the lag of P2, `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`,
+//! falls to 1 ms and less where the flow is liquid. Without a line w is the valve's steady flow; with one,
+//! `ΔP_valve = (P1 - P2) (w/w_steady)²`: exact for liquid, a quadratic through the steady flow of the
+//! flashing valve otherwise. A column that would flow back stops: w ≥ 0, and the injector passes nothing
+//! against the pressure.
 //!
-//! Stiff, so implicit: from the beginning of the plant's step to each instant of it at which the rate is evaluated,
-//! by SDIRK2, the L-stable method of two stages and second order of Alexander (SIAM J. Numer. Anal. 14, 1977),
-//! γ = 1 - 1/√2. Each stage is the root in P2 of the steady engine with one term more, what the manifold takes
-//! up; so it tends to the steady engine when the volume or the lag vanishes. One step errs by
-//! `(4 - 3√2)/6·z³ = -0.040 z³` of a deviation, z = step/lag: 1 ms at 40 ms makes 6e-7 a step. Where the lag is
-//! below a limit, one stage is enough (backward Euler, z²/2): its error lasts a step or two.
-//! Whoever takes the step moves the change of m from tank to manifold: mass is kept to round-off whatever the
-//! error of the method.
+//! Stiff, so implicit: from the beginning of the plant's step to each instant of it at which the rate is
+//! evaluated, by SDIRK2, the L-stable method of two stages and second order of Alexander (SIAM J. Numer.
+//! Anal. 14, 1977), γ = 1 - 1/√2. Each stage is the root in P2 of the steady engine with one term more, what
+//! the manifold takes up; so it tends to the steady engine when the volume or the lag vanishes. One step errs
+//! by `(4 - 3√2)/6·z³ = -0.040 z³` of a deviation, z = step/lag: 1 ms at 40 ms makes 6e-7 a step. Where the
+//! lag is below a limit, one stage is enough (backward Euler, z²/2): its error lasts a step or two. Whoever
+//! takes the step moves the change of m from tank to manifold: mass is kept to round-off whatever the error
+//! of the method.
 //!
 //! Source: the seed paper's feed system, which is steady; balances of mass and momentum.
 
@@ -38,8 +39,8 @@ const SECOND_STAGE_SHARE: f64 = 1.0 + core::f64::consts::SQRT_2;
 const STAGE_TOLERANCE: f64 = 1e-2 * INLET_TOLERANCE;
 /// Accuracy of a flow through the injector at a given P2 (kg/s).
 const FLOW_TOLERANCE_KG_S: f64 = 1e-11;
-/// Behind a shut valve the manifold is at rest when its content exceeds that at the chamber's pressure by less
-/// than this share: 0.1 Pa.
+/// Behind a shut valve the manifold is at rest when its content exceeds that at the chamber's pressure by
+/// less than this share: 0.1 Pa.
 const AT_REST: f64 = 1e-6;
 
 /// One implicit equation: `m = m_from + span (w - ṁ_injector)`, and the same for the line.
@@ -97,7 +98,8 @@ impl Engine {
         FeedState { line_kg_s, ..rest }
     }
 
-    /// Lag of P2, its time constant (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 - dṁ_valve/dP2)`.
+    /// Lag of P2, its time constant (s), at an inlet and a chamber pressure: `V (dρ/dP)_h/(dṁ_injector/dP2 -
+    /// dṁ_valve/dP2)`.
     pub fn manifold_lag_s<'f>(
         &self,
         feed: impl Into<Feed<'f>>,
@@ -223,7 +225,8 @@ impl Engine {
                 return second;
             }
         }
-        // The second stage left what a manifold can hold, or passed the end of its flow: backward Euler does neither.
+        // The second stage left what a manifold can hold, or passed the end of its flow: backward Euler does
+        // neither.
         self.solve_stage(feed, now, &whole, (at_condition, filled), warm_start)
     }
 
@@ -352,7 +355,8 @@ impl Engine {
             tolerance,
         };
         if self.stores.volume_m3 <= 0.0 {
-            // Nothing is stored: the injector passes what the line brings, or without inertia the steady flow.
+            // Nothing is stored: the injector passes what the line brings, or without inertia the steady
+            // flow.
             let stage = Stage { span_s: f64::INFINITY, from };
             if !has_line {
                 return self.solve_stage(feed, now, &stage, (at_condition, filled), warm_start);
@@ -413,8 +417,8 @@ impl Engine {
         solved
     }
 
-    /// Flow through the injector at a given inlet: against the chamber's gas where that is a state, else against the
-    /// steady pressure of the flow itself.
+    /// Flow through the injector at a given inlet: against the chamber's gas where that is a state, else
+    /// against the steady pressure of the flow itself.
     fn inject<'a>(
         &'a self,
         feed: &Feed<'_>,

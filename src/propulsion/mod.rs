@@ -2,8 +2,8 @@
 //!
 //! [`Engine`] is the whole as one function of plain values. Forward, [`Engine::operating_point`]: given the
 //! valve's area and the tank ([`FeedMap`]), one bracketed root in the pressure P2 between valve and injector
-//! gives flow, chamber pressure and thrust. Backward, [`Engine::inverse`]: thrust → flow → chamber
-//! pressure → P2 → area → angle. Where the feed system stores, [`Engine::feed_point`] takes the place of the forward
+//! gives flow, chamber pressure and thrust. Backward, [`Engine::inverse`]: thrust → flow → chamber pressure →
+//! P2 → area → angle. Where the feed system stores, [`Engine::feed_point`] takes the place of the forward
 //! problem. [`PaperEngine`] is the seed paper's own way to the same, kept for comparison.
 //!
 //! Modules stand in dependency order; a module imports only from above itself.

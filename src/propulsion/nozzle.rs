@@ -1,7 +1,8 @@
 //! The nozzle: thrust and flow from full to off.
 //!
-//! One variable, the Mach number at which the jet leaves the wall, joins four states: full, separated
-//! (where p = pa/M on the wall, which tends to pa at the throat: no jump where the nozzle unchokes), unchoked, off. Perfect-gas relations with the throat's isentropic exponent.
+//! One variable, the Mach number at which the jet leaves the wall, joins four states: full, separated (where
+//! p = pa/M on the wall, which tends to pa at the throat: no jump where the nozzle unchokes), unchoked, off.
+//! Perfect-gas relations with the throat's isentropic exponent.
 //!
 //! Source: Stark, "Flow separation in rocket nozzles", AIAA 2005-3940, for the separation rule; thrust of
 //! the full nozzle is the seed paper's Eq 10 with the vacuum impulse, both efficiencies and g₀.

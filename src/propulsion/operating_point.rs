@@ -1,4 +1,5 @@
-//! What the engine's answer depends on, the answer, and where to begin to look for the next one: plain values.
+//! What the engine's answer depends on, the answer, and where to begin to look for the next one: plain
+//! values.
 
 use super::chamber::{ChamberGas, ChamberGasRate, PressureWarmStart};
 use super::nozzle::NozzleFlow;
@@ -18,7 +19,8 @@ pub struct EngineCondition {
     pub ambient_pa: f64,
     /// Gas in the chamber, when that is a state; `None` is quasi-steady.
     pub chamber_gas: Option<ChamberGas>,
-    /// Fuel that comes off the grain, when that lags the oxidiser and is a state (kg/s); `None` follows at once.
+    /// Fuel that comes off the grain, when that lags the oxidiser and is a state (kg/s); `None` follows at
+    /// once.
     pub fuel_flow_kg_s: Option<f64>,
     /// Flow that the tank's outlet can give (kg/s); infinite except while the thrust decays after depletion.
     pub oxidizer_flow_limit_kg_s: f64,
@@ -43,7 +45,8 @@ impl Damage {
 }
 
 impl EngineCondition {
-    /// All of the oxidiser burns, the chamber is quasi-steady, the fuel follows at once, and liquid covers the outlet.
+    /// All of the oxidiser burns, the chamber is quasi-steady, the fuel follows at once, and liquid covers
+    /// the outlet.
     pub const fn burning(port_radius_m: f64, throat_radius_m: f64, ambient_pa: f64) -> Self {
         Self {
             port_radius_m,
@@ -59,8 +62,8 @@ impl EngineCondition {
     }
 }
 
-/// The last answer, from which the solver starts. It changes the time an answer takes, and the answer itself only
-/// within the solver's tolerance.
+/// The last answer, from which the solver starts. It changes the time an answer takes, and the answer itself
+/// only within the solver's tolerance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WarmStart {
     /// P2 (Pa).

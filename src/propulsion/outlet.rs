@@ -1,4 +1,5 @@
-//! Gas ingestion: the tank's outlet when liquid no longer covers it. Gas passes the valve first, the injector later.
+//! Gas ingestion: the tank's outlet when liquid no longer covers it. Gas passes the valve first, the injector
+//! later.
 //!
 //! The gas's share of the volume flow rises linearly as the last liquid goes. The valve sees it at once, the
 //! injector when the liquid between them has passed. While gas passes the valve and liquid still the
@@ -77,8 +78,8 @@ impl Outlet {
         [1.0 - self.injector_gas, self.injector_gas * self.relative_density(inlet_pa, liquid_kg_m3)]
     }
 
-    /// Share of the mass into the chamber that is gas, at a pressure before the injector and the density there
-    /// of what is no gas.
+    /// Share of the mass into the chamber that is gas, at a pressure before the injector and the density
+    /// there of what is no gas.
     pub(crate) fn gas_mass_share(&self, inlet_pa: f64, liquid_kg_m3: f64) -> f64 {
         let [liquid, gas] = self.masses(inlet_pa, liquid_kg_m3);
         if gas > 0.0 { gas / (liquid + gas) } else { 0.0 }

@@ -1,10 +1,11 @@
-//! The engine of the seed paper: a sweep of oxidiser flows, each with its thrust, and the valve area behind it.
+//! The engine of the seed paper: a sweep of oxidiser flows, each with its thrust, and the valve area behind
+//! it.
 //!
-//! For every candidate flow of Eq 8 the port grows by the closed form of Eq 4 over one step; the fuel burnt on the
-//! way gives O/F, O/F alone gives Isp and c* (polynomials), these give thrust (Eq 10) and chamber pressure (Eq 11).
-//! The candidate nearest to the commanded thrust is taken; Eq 15 gives its P2, Eq 16 its valve area. Driven from the
-//! valve, as a plant is, the candidate whose area is nearest to the valve's is taken: for a demand that went through
-//! the sweep this is the same one.
+//! For every candidate flow of Eq 8 the port grows by the closed form of Eq 4 over one step; the fuel burnt
+//! on the way gives O/F, O/F alone gives Isp and c* (polynomials), these give thrust (Eq 10) and chamber
+//! pressure (Eq 11). The candidate nearest to the commanded thrust is taken; Eq 15 gives its P2, Eq 16 its
+//! valve area. Driven from the valve, as a plant is, the candidate whose area is nearest to the valve's is
+//! taken: for a demand that went through the sweep this is the same one.
 //!
 //! Source: the seed paper, Eqs 4 to 16. What the print says and what is computed here:
 //!
@@ -18,8 +19,8 @@
 //! | 14 | injector isenthalpic: no equilibrium flux | isentropic: equilibrium flux at P3, not choked |
 //! | 16 | Φ "using pressure drop" | √(2 ρ₁ (P1 - P2)) |
 //!
-//! The sea-level Isp has no knowledge of chamber pressure, separation or an unchoked throat: thrust goes to zero with
-//! the flow only because the flow does.
+//! The sea-level Isp has no knowledge of chamber pressure, separation or an unchoked throat: thrust goes to
+//! zero with the flow only because the flow does.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -145,8 +146,8 @@ impl PaperEngine {
             .fold(candidate(0), |best, next| if miss(&next) < miss(&best) { next } else { best })
     }
 
-    /// P2 (Pa) and quality behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None` when
-    /// the injector cannot pass it at the tank's pressure.
+    /// P2 (Pa) and quality behind the valve for a flow into a chamber pressure (Pa), Eqs 14 and 15; `None`
+    /// when the injector cannot pass it at the tank's pressure.
     pub fn inlet<'f>(
         &self,
         engine: &Engine,
@@ -303,8 +304,8 @@ struct Polynomial {
 }
 
 impl Polynomial {
-    /// Least squares through a function at equal steps. Chebyshev polynomials, because the equations of powers of O/F
-    /// are nearly singular at degree 8.
+    /// Least squares through a function at equal steps. Chebyshev polynomials, because the equations of
+    /// powers of O/F are nearly singular at degree 8.
     fn fit(span: (f64, f64), degree: u32, f: impl Fn(f64) -> f64) -> Self {
         let terms = degree as usize + 1;
         let samples = (((span.1 - span.0) / PaperMode::FIT_SPACING).round() as usize + 1).max(2 * terms);

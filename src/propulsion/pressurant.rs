@@ -6,8 +6,9 @@
 //! it blows down, always that drop below the bottle. Pure nitrogen above the liquid: with nitrous vapour
 //! mixed in, less nitrogen would be drawn.
 //!
-//! Valid above the vapour pressure of the liquid, 47 bar at 290 K: here the tank blows down past it, a real one
-//! would boil and stay near it. That far, [`super::gas_balance`] with `[feed.tank.ullage] model = "energy_balance"`.
+//! Valid above the vapour pressure of the liquid, 47 bar at 290 K: here the tank blows down past it, a real
+//! one would boil and stay near it. That far, [`super::gas_balance`] with `[feed.tank.ullage] model =
+//! "energy_balance"`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,11 @@
-//! The thrust chamber, from the injector's face to the nozzle's exit: oxidiser flow in, pressure and thrust out.
+//! The thrust chamber, from the injector's face to the nozzle's exit: oxidiser flow in, pressure and thrust
+//! out.
 //!
-//! Grain, combustion chamber and nozzle as one. In a steady chamber the oxidiser flow sets the fuel flow, both set the
-//! mixture, and the mixture sets pressure and thrust. Where the chamber's gas is a state, pressure, thrust and nozzle
-//! flow follow from that gas, and the oxidiser flow changes it. Where only a share of the flow burns, the rest passes
-//! cold: pressure and thrust of both are weighed by the burning fraction.
+//! Grain, combustion chamber and nozzle as one. In a steady chamber the oxidiser flow sets the fuel flow,
+//! both set the mixture, and the mixture sets pressure and thrust. Where the chamber's gas is a state,
+//! pressure, thrust and nozzle flow follow from that gas, and the oxidiser flow changes it. Where only a
+//! share of the flow burns, the rest passes cold: pressure and thrust of both are weighed by the burning
+//! fraction.
 //!
 //! Source: the seed paper's Eqs 5, 8, 10, 11; each part names its own.
 
@@ -212,8 +214,8 @@ impl<'a> ThrustChamberAtCondition<'a> {
         self.fuel_per_regression * self.thrust_chamber.regression.of(flux, &mut warm_start.regression)
     }
 
-    /// Fuel flow that belongs to the burning share when the grain gives `flow_kg_s` (kg/s). Less oxidiser than
-    /// the map's rich end burns, or vaporises, no more fuel than that: a flow that stops stops the fuel.
+    /// Fuel flow that belongs to the burning share when the grain gives `flow_kg_s` (kg/s). Less oxidiser
+    /// than the map's rich end burns, or vaporises, no more fuel than that: a flow that stops stops the fuel.
     fn lagged_fuel_kg_s(&self, flow_kg_s: f64, oxidizer_kg_s: f64) -> f64 {
         let (rich, _) = self.thrust_chamber.map.of_span();
         let burning = self.condition.burning_fraction.clamp(0.0, 1.0);

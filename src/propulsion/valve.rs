@@ -9,8 +9,9 @@
 //! | `cv` | flow coefficient, US gallons of water a minute at 1 psi | C_d A of 16.98 mm² per Cv, over C_d |
 //! | `water_kg_s`, `drop_pa` | flow of water and the valve's pressure drop | C_d A = ṁ/√(2 ρ Δp), over C_d |
 //!
-//! C_d is `discharge_coefficient`. Cv and water flow give C_d A: divided and multiplied by the same coefficient they
-//! give back the flow measured, whatever it is. Source of Cv: ISA-75.01.01 (IEC 60534-2-1), water at 60 °F.
+//! C_d is `discharge_coefficient`. Cv and water flow give C_d A: divided and multiplied by the same
+//! coefficient they give back the flow measured, whatever it is. Source of Cv: ISA-75.01.01 (IEC 60534-2-1),
+//! water at 60 °F.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

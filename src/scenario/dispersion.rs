@@ -2,8 +2,8 @@
 //! scenario and its vehicle.
 //!
 //! Each entry draws from a stream of its own, named by the entry under the seed of the flight, so that adding
-//! one moves no other. One draw may go to several keys, `*` standing for every entry of a list: all parts of a
-//! vehicle are then heavier together.
+//! one moves no other. One draw may go to several keys, `*` standing for every entry of a list: all parts of
+//! a vehicle are then heavier together.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

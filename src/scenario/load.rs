@@ -20,8 +20,8 @@ pub enum FileKind {
     Campaign,
 }
 
-/// A scenario and the text of every file it names, with the values that replace those of the files. Scenarios that
-/// differ in single values are made of it without another look at the disk.
+/// A scenario and the text of every file it names, with the values that replace those of the files. Scenarios
+/// that differ in single values are made of it without another look at the disk.
 #[derive(Clone)]
 pub struct ScenarioInputs {
     name: String,
@@ -64,8 +64,9 @@ impl Scenario {
 }
 
 impl ScenarioInputs {
-    /// Reads the scenario at `path` and every file it names. `overrides` are dotted keys of the scenario, or behind
-    /// `vehicle.` of its vehicle file, with TOML values; `commands` replaces the schedule that the scenario names.
+    /// Reads the scenario at `path` and every file it names. `overrides` are dotted keys of the scenario, or
+    /// behind `vehicle.` of its vehicle file, with TOML values; `commands` replaces the schedule that the
+    /// scenario names.
     ///
     /// # Errors
     /// When a file cannot be read, or its values cannot be.
@@ -107,8 +108,8 @@ impl ScenarioInputs {
         Ok(Self { name, document, vehicle, commands })
     }
 
-    /// Puts a value at a dotted path of the scenario, or behind `vehicle.` of its vehicle; messages say that it
-    /// was given at `place`.
+    /// Puts a value at a dotted path of the scenario, or behind `vehicle.` of its vehicle; messages say that
+    /// it was given at `place`.
     ///
     /// # Errors
     /// When there is no such place. Whether the key is known is judged by [`ScenarioInputs::scenario`].

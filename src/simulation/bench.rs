@@ -1,5 +1,5 @@
-//! What only a bench asks of a flight: faults and wind by hand, another flight in the same process, an autopilot that
-//! sits at the other end of a link.
+//! What only a bench asks of a flight: faults and wind by hand, another flight in the same process, an
+//! autopilot that sits at the other end of a link.
 
 use super::report::Handover;
 use super::{Flight, Instrumentation, Report};
@@ -7,7 +7,7 @@ use crate::event::EventKind;
 use crate::fault::{Acting, Component, Fault, Mode, WireEffect};
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::plant::{Interference, Plant};
+use crate::plant::{BenchDisturbance, Plant};
 use crate::signal::ActuatorCommand;
 
 /// Changes from outside that are kept with their words; what comes on top is counted.
@@ -26,8 +26,8 @@ impl Flight {
         Ok(fresh)
     }
 
-    /// Ends this flight's place in the process: its report is kept, and `fresh`, which [`Flight::again`] set up,
-    /// begins.
+    /// Ends this flight's place in the process: its report is kept, and `fresh`, which [`Flight::again`] set
+    /// up, begins.
     pub fn begin_again(&mut self, mut fresh: Self, report: Report) {
         fresh.earlier = std::mem::take(&mut self.earlier);
         fresh.earlier.push(report);
@@ -45,19 +45,19 @@ impl Flight {
     }
 
     /// Wind and disturbances that somebody at a bench has added.
-    pub fn interference(&self) -> &Interference {
-        &self.interference
+    pub fn bench_disturbance(&self) -> &BenchDisturbance {
+        &self.bench_disturbance
     }
 
     /// Adds wind and disturbances within two steps, instead of those added before. The caller notes
     /// that the run is modified.
-    pub fn interfere(&mut self, interference: Interference) {
-        self.interference = interference;
-        self.plant.interfere(&interference);
+    pub fn set_bench_disturbance(&mut self, bench_disturbance: BenchDisturbance) {
+        self.bench_disturbance = bench_disturbance;
+        self.plant.set_bench_disturbance(&bench_disturbance);
     }
 
-    /// Breaks something now, without regard to a trigger; what acts of the same component and mode is replaced. The
-    /// run is marked as modified.
+    /// Breaks something now, without regard to a trigger; what acts of the same component and mode is
+    /// replaced. The run is marked as modified.
     ///
     /// # Errors
     /// When the component cannot break so, or the value is out of range.
@@ -68,8 +68,8 @@ impl Flight {
         Ok(())
     }
 
-    /// Mends what acts in a component, of one mode or of any, and says how much that was. The run is marked as
-    /// modified if anything was.
+    /// Mends what acts in a component, of one mode or of any, and says how much that was. The run is marked
+    /// as modified if anything was.
     pub fn clear_fault(&mut self, component: Component, mode: Option<Mode>) -> usize {
         let mut ended = Vec::new();
         self.faults.clear(component, mode, |fault| ended.push((fault.name(), fault.describe())));
@@ -91,9 +91,8 @@ impl Flight {
         &self.faults.effects().wire
     }
 
-    /// Notes that something was changed from outside: the run is no longer its scenario's.
-    /// Beyond the first [`MODIFIED_KEPT`] changes are only counted, so that somebody who sends without end fills no
-    /// memory.
+    /// Notes that something was changed from outside: the run is no longer its scenario's. Beyond the first
+    /// [`MODIFIED_KEPT`] changes are only counted, so that somebody who sends without end fills no memory.
     pub fn note_modified(&mut self, what: &str) {
         self.modified_count += 1;
         if self.modified.len() < MODIFIED_KEPT {

@@ -12,7 +12,8 @@ pub struct Handover {
     pub to: Option<Source>,
     /// Run time (s).
     pub time_s: f64,
-    /// Simulated time from the flight controller's last good controls to the first command of who took over (ms).
+    /// Simulated time from the flight controller's last good controls to the first command of who took over
+    /// (ms).
     pub silence_ms: f64,
     /// The same by the wall clock (ms).
     pub silence_wall_ms: f64,
@@ -79,8 +80,8 @@ pub struct Timing {
     pub slips: u64,
     /// By how much altogether (s).
     pub slipped_s: f64,
-    /// Wall time less simulated time, slips and lateness at the end (us): 0, or the bench has lost count. Null where
-    /// nothing follows the clock.
+    /// Wall time less simulated time, slips and lateness at the end (us): 0, or the bench has lost count.
+    /// Null where nothing follows the clock.
     pub unaccounted_us: Option<f64>,
     /// Wall time that a step may cost in real time (us).
     pub step_budget_us: f64,
@@ -180,7 +181,8 @@ pub struct LinkReport {
     pub disrupted: Option<Disrupted>,
     /// Silences between two HIL_ACTUATOR_CONTROLS of more than a tenth of `fc_timeout_ms`.
     pub gaps: u64,
-    /// Longest silence between two HIL_ACTUATOR_CONTROLS, or from the last to the end (ms); null before there were two.
+    /// Longest silence between two HIL_ACTUATOR_CONTROLS, or from the last to the end (ms); null before there
+    /// were two.
     pub longest_gap_ms: Option<f64>,
     /// Bytes that the system took.
     pub sent_bytes: u64,

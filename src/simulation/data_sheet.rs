@@ -33,7 +33,8 @@ const THRUST_NODES: usize = 24;
 /// Nodes of the thrust table over port radius.
 const RADIUS_NODES: usize = 8;
 
-/// The data sheet of a scenario as it is written, checked: what the autopilot of every dispersed flight is told.
+/// The data sheet of a scenario as it is written, checked: what the autopilot of every dispersed flight is
+/// told.
 ///
 /// # Errors
 /// When vehicle, site and scenario contradict each other.
@@ -76,7 +77,8 @@ pub fn parameters(
     }
 }
 
-/// Share of the gimbal's rate that plans of predictive control may use: its feedback and allocation need the rest.
+/// Share of the gimbal's rate that plans of predictive control may use: its feedback and allocation need the
+/// rest.
 const PLANNED_GIMBAL_RATE: f64 = 0.5;
 /// Greatest rise of the thrust asked for, as a share of the rated thrust per second.
 const THRUST_RATE_SHARE_1_S: f64 = 1.5;
@@ -106,8 +108,8 @@ fn tracking(vehicle: &Vehicle, tilt_rad: f64) -> TrackingParameters {
     }
 }
 
-/// Whether the engine, its port fresh, reaches the throttle band that the vehicle file promises. A port that has
-/// grown may give less: the autopilot's table ends there.
+/// Whether the engine, its port fresh, reaches the throttle band that the vehicle file promises. A port that
+/// has grown may give less: the autopilot's table ends there.
 pub(super) fn throttle_band(vehicle: &Vehicle, environment: &Environment) -> Result<(), Invalid> {
     let (engine, rating) = (&vehicle.engine, &vehicle.rating);
     let feed = engine.feed_map(vehicle.tank.pressure_pa, vehicle.tank.temperature_k);

@@ -1,11 +1,12 @@
 //! A flight in memory: plant, sensors and built-in autopilot on one integer clock, with a referee.
 //!
-//! [`Flight`] is stepped by its owner: [`fly`] does it as fast as possible with the autopilot or a schedule at the
-//! controls, [`fly_with`] with a law of the caller's own, the bench beside a link with whoever sits at the other end.
-//! The built-in autopilot sees every measurement from the first on, so that it can take over at any time.
+//! [`Flight`] is stepped by its owner: [`fly`] does it as fast as possible with the autopilot or a schedule
+//! at the controls, [`fly_with`] with a law of the caller's own, the bench beside a link with whoever sits at
+//! the other end. The built-in autopilot sees every measurement from the first on, so that it can take over
+//! at any time.
 //!
-//! In a campaign the vehicle that flies is not the one of the data sheet: [`Flight::dispersed`] gives the plant
-//! what was drawn, and the autopilot what [`data_sheet::nominal`] made of the scenario as written.
+//! In a campaign the vehicle that flies is not the one of the data sheet: [`Flight::dispersed`] gives the
+//! plant what was drawn, and the autopilot what [`data_sheet::nominal`] made of the scenario as written.
 
 pub mod data_sheet;
 
@@ -30,7 +31,7 @@ use crate::event::{Event, EventKind, Phase};
 use crate::fault::{self, Faults};
 use crate::frame::Vec3;
 use crate::input::Invalid;
-use crate::plant::{Interference, Plant, Snapshot};
+use crate::plant::{BenchDisturbance, Plant, Snapshot};
 use crate::scenario::{Outcome, Place, Scenario};
 use crate::sensor::{SensorSetup, SensorSuite};
 use crate::signal::{ActuatorCommand, Measurement};
@@ -76,7 +77,7 @@ pub struct Flight {
     estimate_at_touchdown: Option<Vec3>,
     flown_elsewhere: bool,
     reference_elsewhere_ned_m: Option<Vec3>,
-    interference: Interference,
+    bench_disturbance: BenchDisturbance,
     earlier: Vec<Report>,
 }
 
@@ -100,8 +101,8 @@ pub fn fly(scenario: &Scenario, seed: u32, each_step: impl FnMut(&Snapshot)) -> 
     Ok(flight)
 }
 
-/// Flies a scenario to its end under somebody else's law, which is asked for a command before every step. It may look
-/// at the truth, [`Flight::snapshot`], or at what a flight computer gets, [`Flight::measurement`].
+/// Flies a scenario to its end under somebody else's law, which is asked for a command before every step. It
+/// may look at the truth, [`Flight::snapshot`], or at what a flight computer gets, [`Flight::measurement`].
 ///
 /// # Errors
 /// As [`Flight::new`].
@@ -222,7 +223,7 @@ impl Flight {
             estimate_at_touchdown: None,
             flown_elsewhere: false,
             reference_elsewhere_ned_m: None,
-            interference: Interference::default(),
+            bench_disturbance: BenchDisturbance::default(),
             earlier: Vec::new(),
         })
     }
@@ -323,7 +324,8 @@ impl Flight {
         })
     }
 
-    /// How far the flight's own autopilot believes to be off the reference of its hover, at every measurement.
+    /// How far the flight's own autopilot believes to be off the reference of its hover, at every
+    /// measurement.
     fn hover_control_error(&self) -> Option<Vec3> {
         let own = self.source == Source::Autopilot && !self.flown_elsewhere;
         (own && self.phase == Some(Phase::Hover) && self.measurement.is_some())
@@ -414,7 +416,8 @@ impl Flight {
     }
 
     /// Lets the built-in autopilot fly: what it commands on the newest measurement. Its phases and aborts
-    /// become events. What it orders to be planned is the caller's to solve: [`Flight::plan_in_place`], or a thread.
+    /// become events. What it orders to be planned is the caller's to solve: [`Flight::plan_in_place`], or a
+    /// thread.
     pub fn autopilot_command(&mut self) -> Option<ActuatorCommand> {
         let measurement = self.measurement.as_ref()?;
         let command = self.autopilot.update(measurement);

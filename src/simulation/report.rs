@@ -62,7 +62,8 @@ pub struct Report {
     /// Names of the scenario's faults that never began; absent when all did.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults_idle: Vec<String>,
-    /// Reports of the flights before this one in the same process, each ended by a reset; absent when there are none.
+    /// Reports of the flights before this one in the same process, each ended by a reset; absent when there
+    /// are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub flights: Vec<Report>,
     /// The ground station's link, where there was one.
@@ -73,7 +74,8 @@ pub struct Report {
 /// How often each rung of the built-in autopilot's ladders was stood on; rungs never stood on are left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Ladders {
-    /// Predictive control, fifty times a second: `solved`, `capped`, `oracle`, `shifted`, `feedback`, `cascade`.
+    /// Predictive control, fifty times a second: `solved`, `capped`, `oracle`, `shifted`, `feedback`,
+    /// `cascade`.
     pub control: BTreeMap<String, u64>,
     /// Plans adopted: `optimal`, `previous`, `wide_glide_slope`, `landing_error`, `quintic`, `ramp`, `hold`.
     pub guidance: BTreeMap<String, u64>,
@@ -131,11 +133,11 @@ pub struct Hover {
     pub altitude_rms_m: f64,
     /// Root mean square of true horizontal distance from the reference (m).
     pub lateral_rms_m: f64,
-    /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who flew
-    /// sits at the other end of a link.
+    /// Root mean square of the flying autopilot's estimate of height against its reference (m); null when who
+    /// flew sits at the other end of a link.
     pub altitude_control_rms_m: Option<f64>,
-    /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew sits at
-    /// the other end of a link.
+    /// Root mean square of that estimate's horizontal distance from the reference (m); null when who flew
+    /// sits at the other end of a link.
     pub lateral_control_rms_m: Option<f64>,
 }
 
@@ -258,7 +260,8 @@ impl Report {
         self.expect = Verdict { passed: items.iter().all(|item| item.passed), items };
     }
 
-    /// Expects as well that an outside flight controller flew throughout: what somebody else brought home fails.
+    /// Expects as well that an outside flight controller flew throughout: what somebody else brought home
+    /// fails.
     pub fn require_fc(&mut self) {
         // Who is cut off after a loss has not flown to the end either, though nobody else took over.
         let lost = self.events.iter().any(|event| event.kind == EventKind::FcLost);

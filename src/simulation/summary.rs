@@ -114,7 +114,8 @@ impl Flight {
             fuel_left_kg: end.fuel_kg,
             nitrogen_rcs_kg: rcs_kg,
             nitrogen_vented_kg,
-            // Only an outlet that uncovers lets nitrogen into the engine; elsewhere the difference is round-off.
+            // Only an outlet that uncovers lets nitrogen into the engine; elsewhere the difference is
+            // round-off.
             nitrogen_nozzle_kg: if self.scenario.vehicle.gas_ingestion.is_some() {
                 nitrogen_kg(start) - nitrogen_kg(end) - rcs_kg - nitrogen_vented_kg
             } else {

@@ -1,4 +1,5 @@
-//! The gas in bottle and run tank, by either of two models: constant temperature, or balances of mass and energy.
+//! The gas in bottle and run tank, by either of two models: constant temperature, or balances of mass and
+//! energy.
 
 use super::file::VehicleFile;
 use crate::propulsion::{

@@ -21,8 +21,8 @@ pub struct VehicleInputs {
 }
 
 impl Vehicle {
-    /// The vehicle of the file at `path`; `read` gives the text of a file: `|file| std::fs::read_to_string(file)`.
-    /// Relative paths in the vehicle file start at its own folder.
+    /// The vehicle of the file at `path`; `read` gives the text of a file: `|file|
+    /// std::fs::read_to_string(file)`. Relative paths in the vehicle file start at its own folder.
     ///
     /// # Errors
     /// When a file cannot be read, or is wrong: with file, line, key and allowed range.

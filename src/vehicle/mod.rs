@@ -1,8 +1,8 @@
 //! A vehicle as data: every parameter of a vehicle file, checked, and the models made of them.
 //!
-//! Vectors and tensors of a file are in the structural frame (x toward leg 1, z toward the nose), and stay so here:
-//! each model turns its own into body FRD where it computes with them. Scalar heights (`..._z_m`) are above the
-//! gimbal pivot.
+//! Vectors and tensors of a file are in the structural frame (x toward leg 1, z toward the nose), and stay so
+//! here: each model turns its own into body FRD where it computes with them. Scalar heights (`..._z_m`) are
+//! above the gimbal pivot.
 
 mod file;
 mod gas;

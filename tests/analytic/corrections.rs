@@ -102,8 +102,8 @@ fn gravity_and_efficiency_missing_from_the_printed_thrust() {
     let momentum = point.thrust_n + AMBIENT_PA * exit_m2;
     // Eq 10 with the impulse in seconds lacks g0; with g0 it lacks both efficiencies.
     near(momentum / (mixture.vacuum_isp_s(log) * total) / (0.93 * 0.96), G0, 1e-9, "g0");
-    // The same flow through an engine without losses in the chamber gives the impulse without that factor, and its
-    // pressure with it: one efficiency in both.
+    // The same flow through an engine without losses in the chamber gives the impulse without that factor,
+    // and its pressure with it: one efficiency in both.
     let mut ideal = vehicle();
     ideal.engine.chamber.c_star_efficiency = 1.0;
     let ideal = at_flow(&engine_of(&ideal), &feed, 0.35, &condition(35.0, 10.0));

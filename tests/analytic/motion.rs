@@ -165,7 +165,8 @@ fn gimbal_torque_vanishes_at_the_zero_of_the_swinging_engine() {
         (at(gimbal) - at(GimbalMotion::default())) / angle
     };
     let still = response(0.0);
-    // Moment over I about the centre of mass, both axes positive as commanded; cross-coupling by Ixz, Iyz is 1 %.
+    // Moment over I about the centre of mass, both axes positive as commanded; cross-coupling by Ixz, Iyz is
+    // 1 %.
     let expected = thrust_n * arm / masses.vehicle.inertia_about_com_kg_m2()[(0, 0)];
     assert!((still.x / expected - 1.0).abs() < 0.01 && (still.y / expected - 1.0).abs() < 0.01, "{still}");
     let zero = response(zero_squared);
@@ -281,8 +282,8 @@ fn undamped(law: HardeningLaw) -> Mode {
 
 #[test]
 fn duffing_frequency_rises_with_amplitude_as_the_elliptic_integral_says() {
-    // x'' + k x + α x³ = 0 from rest at A has the frequency sqrt(k + α A²) agm(1, sqrt(1 - m)), m = α A²/(2 (k + α A²)):
-    // after whole periods it is back where it began.
+    // x'' + k x + α x³ = 0 from rest at A has the frequency sqrt(k + α A²) agm(1, sqrt(1 - m)), m = α A²/(2
+    // (k + α A²)): after whole periods it is back where it began.
     for law in [HardeningLaw::PerAxis, HardeningLaw::Radial] {
         let mut mode = undamped(law);
         mode.hardening_1_m2_s2 = 2e4;
@@ -303,7 +304,8 @@ fn duffing_frequency_rises_with_amplitude_as_the_elliptic_integral_says() {
             for step in 0..steps {
                 state = spring_step(&mode, state, f64::from(step) * dt_s, dt_s, |_| 0.0);
             }
-            // (ω dt)⁴/120 a radian over 31 rad, with ω dt = 3.1e-3 and some third harmonic, ten times that: 1e-10.
+            // (ω dt)⁴/120 a radian over 31 rad, with ω dt = 3.1e-3 and some third harmonic, ten times that:
+            // 1e-10.
             let late = state.0.velocity_body_m_s.x / (amplitude_m * frequency);
             assert!(late.abs() < 1e-9, "phase {late:e} at {amplitude_m} m");
             assert!((state.0.displacement_body_m.x / amplitude_m - 1.0).abs() < 1e-9);
@@ -337,7 +339,8 @@ fn driven_planar_motion_goes_over_into_rotary_motion_beyond_its_amplitude() {
         }
         greatest / aside_m
     };
-    // Below it y beats by the root of (8.7 + 5.0)/(8.7 - 5.0), 1.9; above it grows by e in 4.4 s, 900 times in 30 s.
+    // Below it y beats by the root of (8.7 + 5.0)/(8.7 - 5.0), 1.9; above it grows by e in 4.4 s, 900 times
+    // in 30 s.
     let (below, above) = (greatest_y(&mode, 0.9 * critical_m), greatest_y(&mode, 1.1 * critical_m));
     assert!(below < 3.0 && above > 300.0, "{below} below, {above} above");
     // Where each axis hardens for itself the axes never meet.
@@ -370,8 +373,8 @@ fn a_baffle_damps_by_the_root_of_the_amplitude() {
 
 #[test]
 fn a_baffle_takes_the_wave_at_the_wall_that_gives_the_same_force() {
-    // Pressure of the first mode's wave η cos θ on the wall, ρ g η cos θ cosh(kz)/cosh(kh), summed over the wall by
-    // Simpson's rule, against the spring's force; then ζ = ζ_b (η/R)^(1/2), Miles.
+    // Pressure of the first mode's wave η cos θ on the wall, ρ g η cos θ cosh(kz)/cosh(kh), summed over the
+    // wall by Simpson's rule, against the spring's force; then ζ = ζ_b (η/R)^(1/2), Miles.
     let mut reference = reference_vehicle();
     (reference.slosh.baffle_damping_ratio, reference.slosh.second_mode) = (0.05, true);
     let tank = *reference.model.tank();
@@ -401,8 +404,8 @@ fn a_baffle_takes_the_wave_at_the_wall_that_gives_the_same_force() {
 
 #[test]
 fn liquid_without_friction_stays_when_the_tank_spins_up() {
-    // A moment about the long axis on an axisymmetric vehicle that cannot tilt: it turns as the tank and what turns
-    // with it, and liquid that sloshes across keeps its plane in the world.
+    // A moment about the long axis on an axisymmetric vehicle that cannot tilt: it turns as the tank and what
+    // turns with it, and liquid that sloshes across keeps its plane in the world.
     let dry = Component {
         name: "dry".to_owned(),
         mass_kg: 50.0,

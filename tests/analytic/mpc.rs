@@ -113,8 +113,8 @@ fn without_limits_it_is_the_linear_quadratic_regulator() {
 
 #[test]
 fn without_weights_on_change_the_equation_is_the_ordinary_one() {
-    // A double integrator with unit weights: the value is [[w, 1], [1, w]] with w = sqrt(3) as the step goes to
-    // zero; at a step of 1e-3 the sampled value differs by half a step, in relative terms.
+    // A double integrator with unit weights: the value is [[w, 1], [1, w]] with w = sqrt(3) as the step goes
+    // to zero; at a step of 1e-3 the sampled value differs by half a step, in relative terms.
     let step_s = 1e-3;
     let mut model = Linear::default();
     for i in 0..STATES {
@@ -225,8 +225,8 @@ fn an_input_at_its_limit_does_not_answer_to_the_state() {
 
 #[test]
 fn the_soft_limit_gives_way_by_what_it_costs() {
-    // A gust that asks for more tilt: a linear cost above what leaving is worth holds the limit exactly, which a
-    // quadratic cost alone would not.
+    // A gust that asks for more tilt: a linear cost above what leaving is worth holds the limit exactly,
+    // which a quadratic cost alone would not.
     let mut problem = gusts::at_hover(30, &gusts::hover());
     problem.initial_state[3] += 2.0;
     problem.tilt_linear_cost = 500.0;

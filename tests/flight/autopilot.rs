@@ -246,7 +246,8 @@ fn hand_over(mission: &Mission, conditions: Conditions, at_s: f64, valve: bool) 
         command = shadow.update(&m);
         within_limits(&command);
         if first && phase.is_flight() {
-            // Bumpless: the first command is near what was in force, a twentieth of the weight and half a degree.
+            // Bumpless: the first command is near what was in force, a twentieth of the weight and half a
+            // degree.
             let Throttle::ThrustN(next) = command.throttle else { panic!("{command:?}") };
             assert!((next - thrust).abs() < 60.0, "{phase:?}: {next} after {thrust}");
             assert!((command.gimbal_x_rad - gimbal[0]).abs() < 0.5f64.to_radians());

@@ -1,4 +1,5 @@
-//! Disturbed flights: what a disturbance does to the plant, in closed form, and that the autopilot lands through it.
+//! Disturbed flights: what a disturbance does to the plant, in closed form, and that the autopilot lands
+//! through it.
 
 use crate::fixture::files::scenario;
 use hopbench::disturbance::Disturbance;
@@ -21,8 +22,8 @@ fn the_autopilot_lands_with_a_crooked_noisy_engine_in_turbulence() {
     }
 }
 
-/// Braking at the end of the descent, with thrust that the autopilot's engine model follows late, is no contact: seed 6
-/// once had its engine cut 1.5 m up.
+/// Braking at the end of the descent, with thrust that the autopilot's engine model follows late, is no
+/// contact: seed 6 once had its engine cut 1.5 m up.
 #[test]
 fn the_autopilot_does_not_take_braking_for_contact() {
     let energy = "\"energy_balance\"";
@@ -86,8 +87,8 @@ fn flown(disturbance: Option<Disturbance>) -> Plant {
 #[test]
 fn a_pulse_has_its_impulse_and_a_bias_its_share() {
     let calm = flown(None);
-    // 40 N across for 0.25 s, at the height of the centre of mass: the vehicle hardly turns, so the velocity of its
-    // centre differs by impulse over mass. What turns, 1e-3 rad, tilts 700 N by less than 0.5 % of it.
+    // 40 N across for 0.25 s, at the height of the centre of mass: the vehicle hardly turns, so the velocity
+    // of its centre differs by impulse over mass. What turns, 1e-3 rad, tilts 700 N by less than 0.5 % of it.
     let at_com_m = -calm.snapshot().com_structural_m.z;
     let push = Disturbance {
         start_s: 0.5,
@@ -112,8 +113,8 @@ fn a_pulse_has_its_impulse_and_a_bias_its_share() {
 
 #[test]
 fn a_misaligned_thrust_line_turns_the_vehicle_as_the_gimbal_would() {
-    // Moment T l sin δ about the centre of mass for an angle, T e for an offset e; what Ixz, Iyz and the liquid do to it
-    // is a few per cent.
+    // Moment T l sin δ about the centre of mass for an angle, T e for an offset e; what Ixz, Iyz and the
+    // liquid do to it is a few per cent.
     let calm = flown(None);
     let (l, thrust_n) = (calm.snapshot().com_structural_m.z, calm.snapshot().thrust_n);
     let inertia = calm.snapshot().inertia_kg_m2;

@@ -1,5 +1,5 @@
-//! The examples in memory do what they say: a law of one's own lands the vehicle, a Monte Carlo of the built-in
-//! autopilot passes whatever it draws.
+//! The examples in memory do what they say: a law of one's own lands the vehicle, a Monte Carlo of the
+//! built-in autopilot passes whatever it draws.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)] // the examples read files and print
 

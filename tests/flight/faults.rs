@@ -1,5 +1,6 @@
-//! Flights in which something breaks, over the real plant: each ends in a landing within the legs' limits or in an
-//! abort that has a name, and no command ever leaves its limits (the harness asserts that at every sample).
+//! Flights in which something breaks, over the real plant: each ends in a landing within the legs' limits or
+//! in an abort that has a name, and no command ever leaves its limits (the harness asserts that at every
+//! sample).
 //!
 //! Limits at first contact are those of the landing gear: 1.0 m/s down, 0.5 m/s sideways, 5 degrees.
 
@@ -71,8 +72,8 @@ fn without_satellites_and_altimeter_it_lands_where_it_is() {
     assert_eq!(flown.aborts(), ["navigation"]);
     assert_eq!(flown.report.outcome, Outcome::Aborted);
     let t = flown.report.touchdown.unwrap();
-    // Height is the altimeter's; sideways nothing helps for 26 s, and a milliradian of tilt with as much bias, what
-    // the filter claims at that time, makes 0.02 m/s² and 0.5 m/s of them: three of that.
+    // Height is the altimeter's; sideways nothing helps for 26 s, and a milliradian of tilt with as much
+    // bias, what the filter claims at that time, makes 0.02 m/s² and 0.5 m/s of them: three of that.
     assert!(t.vertical_speed_m_s <= 1.0 && t.lateral_speed_m_s <= 1.5 && t.tilt_deg <= 5.0, "{t:?}");
     // Lost at 14 s, missed after 6 s and confirmed for 0.1 s; the fixes come at 10 Hz, 0.12 s late.
     let missed_s = flown.time_of("abort:navigation").unwrap() - flown.time_of("ignition").unwrap() - 14.0;
@@ -233,7 +234,8 @@ fn a_flight_that_leaves_its_volume_is_cut() {
     record("ceiling at 30 m", &flown);
     assert_eq!(flown.aborts(), ["flight_volume"]);
     assert_eq!(flown.report.outcome, Outcome::Crashed);
-    // At up to 6 m/s, confirmed for 0.2 s and shut down in less than a second, then what momentum gives: v²/2g.
+    // At up to 6 m/s, confirmed for 0.2 s and shut down in less than a second, then what momentum gives:
+    // v²/2g.
     assert!(flown.report.max_altitude_m > 30.0 && flown.report.max_altitude_m < 30.0 + 6.0 + 1.9);
 }
 

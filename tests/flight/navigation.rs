@@ -1,4 +1,5 @@
-//! The navigation filter in flight, on the plant of the tests' own: what it learns, what it expects, how it coasts.
+//! The navigation filter in flight, on the plant of the tests' own: what it learns, what it expects, how it
+//! coasts.
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
@@ -25,8 +26,9 @@ fn told(conditions: &Conditions) -> Parameters {
 /// Mean of the squared innovations over their variance, by source, from hover to the last metres.
 #[test]
 fn innovations_are_as_large_as_the_filter_expects() {
-    // What is expected is the noise, times what the filter takes it too large on purpose (1.3 for barometer and
-    // magnetometer, 5 mm, 1 cm/s and 1 cm in quadrature for fixes and ranges), so that the mean lies under one.
+    // What is expected is the noise, times what the filter takes it too large on purpose (1.3 for barometer
+    // and magnetometer, 5 mm, 1 cm/s and 1 cm in quadrature for fixes and ranges), so that the mean lies
+    // under one.
     let cases = [
         (Source::GnssPosition, 0.80),
         (Source::GnssVelocity, 0.85),
@@ -54,8 +56,9 @@ fn innovations_are_as_large_as_the_filter_expects() {
     for ((source, expected), sum) in cases.into_iter().zip(sums) {
         let (n, mean) = (sum.count as f64, sum.normalised_squares / sum.count as f64);
         eprintln!("{source:?}: mean {mean:.3} of {n}, expected about {expected:.3}");
-        // Chi-square of n scalars over n: 1 ± 1.96 √(2/n) in 95 %, doubled for the correlation that bias and drift
-        // leave between one innovation and the next. Above is what counts: there the filter would be too sure.
+        // Chi-square of n scalars over n: 1 ± 1.96 √(2/n) in 95 %, doubled for the correlation that bias and
+        // drift leave between one innovation and the next. Above is what counts: there the filter would be
+        // too sure.
         let band = 2.0 * 1.96 * (2.0 / n).sqrt();
         assert!(n > 1000.0 && mean < 1.0 + band, "{source:?}: {mean} of {n}");
         assert!(mean > 0.75 * expected - band, "{source:?}: {mean} of {n}");
@@ -87,8 +90,9 @@ fn biases_are_learnt() {
     eprintln!(
         "gyroscope bias {gyro:.2e} rad/s (aligned {gyro_start:.2e}), accelerometer bias {accel:.2e} m/s²"
     );
-    // Turned on with 8.7e-4 rad/s and 0.05 m/s²; the walk of 40 s is 1.3e-4 rad/s and 1.9e-3 m/s². Gyroscope: no worse
-    // than its walk since the alignment. Accelerometer along the thrust: a fifth of what it was turned on with.
+    // Turned on with 8.7e-4 rad/s and 0.05 m/s²; the walk of 40 s is 1.3e-4 rad/s and 1.9e-3 m/s². Gyroscope:
+    // no worse than its walk since the alignment. Accelerometer along the thrust: a fifth of what it was
+    // turned on with.
     assert!(gyro < 1.5 * 1.3e-4, "{gyro}");
     assert!(accel < 0.2 * 0.05, "{accel}");
 }

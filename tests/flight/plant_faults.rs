@@ -1,8 +1,9 @@
-//! Every fault of plant and actuators, each by the figure that its physics gives: one function for each row of the
-//! catalogue, named after component and mode.
+//! Every fault of plant and actuators, each by the figure that its physics gives: one function for each row
+//! of the catalogue, named after component and mode.
 //!
-//! Flights are of the reference vehicle: in the air with the engine running under a constant command, or on the pad
-//! under commands of the test's own. What is broken goes the way of a scenario's entry, through the catalogue.
+//! Flights are of the reference vehicle: in the air with the engine running under a constant command, or on
+//! the pad under commands of the test's own. What is broken goes the way of a scenario's entry, through the
+//! catalogue.
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
@@ -145,7 +146,8 @@ fn igniter_hard_start() {
     let impulse_pa_s = (0..rough.len()).map(|k| surge_pa(k) * STEP_S).sum::<f64>();
     let impulse_n_s =
         (0..rough.len()).map(|k| (rough[k].thrust_n - smooth[k].thrust_n) * STEP_S).sum::<f64>();
-    // What left through the throat is the pool: m = ∫P dt C_d A/(η c*), with c* between the map's 1000 and 1650 m/s.
+    // What left through the throat is the pool: m = ∫P dt C_d A/(η c*), with c* between the map's 1000 and
+    // 1650 m/s.
     let engine = &sound.scenario().vehicle.engine_parameters;
     let radius_m = 0.5 * engine.nozzle.throat_diameter_m;
     let throat_m2 = core::f64::consts::PI * radius_m * radius_m;
@@ -271,7 +273,8 @@ fn valve_leak() {
     assert!((leaking.thrust_n - cold_n(&flight, &leaking)).abs() < 1e-9);
     let shut = after(&mut flight, &ActuatorCommand::SAFE, 1.2);
     assert_eq!((shut.oxidizer_kg_s, shut.thrust_n), (0.0, 0.0));
-    // After shutdown too: so much feeds the flame, above the 2 bar at which it goes out; a tenth of it does not.
+    // After shutdown too: so much feeds the flame, above the 2 bar at which it goes out; a tenth of it does
+    // not.
     let shut_down = |share: f64| {
         let mut flight = in_flight(&thrust(500.0));
         breaks(&mut flight, Component::Valve, Mode::Leak, share);
@@ -391,7 +394,8 @@ fn slack(component: Component) {
     // Within the play the engine stands.
     let within = swung(component, [0.03, 0.026], loose);
     assert!(within.iter().all(|angle| (angle - 0.03).abs() < 1e-8), "{:?}", within.last());
-    // Beyond it follows by half of it later; what the servo overshoots, exp(-π ζ/√(1 - ζ²)) = 4.6 % of its way, stays.
+    // Beyond it follows by half of it later; what the servo overshoots, exp(-π ζ/√(1 - ζ²)) = 4.6 % of its
+    // way, stays.
     let beyond = swung(component, [0.03, -0.03], loose);
     let behind_rad = beyond.last().unwrap() + 0.03;
     let overshoot_rad = 0.047 * 0.06;
@@ -479,8 +483,8 @@ fn dead(component: Component, sign: f64) {
     let (used, rate) = used_kg(sign);
     // The liquid, a little off the axis, turns it a little.
     assert!(used == 0.0 && rate.abs() < 1e-3, "{used} {rate}");
-    // The other pair is sound: a second less 5 ms of delay and the rise's 10 ms, and less what is left of the modulator's
-    // period of 100 ms when the command comes.
+    // The other pair is sound: a second less 5 ms of delay and the rise's 10 ms, and less what is left of the
+    // modulator's period of 100 ms when the command comes.
     let (used, rate) = used_kg(-sign);
     assert!((0.883..=0.986).contains(&(used / pair_kg_s())) && rate * sign < -0.1, "{used} {rate}");
 }
@@ -518,7 +522,8 @@ fn rcs_negative_leak() {
     leaks(Component::RcsNegative, -1.0);
 }
 
-// ------------------------------------------------------------------------------------------------ feed and chamber
+// ------------------------------------------------------------------------------------------------ feed and
+// chamber
 
 #[test]
 fn regulator_droop() {
@@ -536,7 +541,8 @@ fn regulator_droop() {
         let back_kg = now.nitrogen_bottle_kg - before.nitrogen_bottle_kg;
         assert!(back_kg <= 1e-6, "{back_kg} kg went back");
         if now.tank_pa > set_pa - droop_pa + 1.0 {
-            // Shut in: its mass stays while it expands, but for the gas that a step of the old outlet lets in.
+            // Shut in: its mass stays while it expands, but for the gas that a step of the old outlet lets
+            // in.
             falling += 1;
             assert!(near(now.nitrogen_ullage_kg, start.nitrogen_ullage_kg, 1e-3), "{}", now.tank_pa);
         }
@@ -547,7 +553,8 @@ fn regulator_droop() {
     let gone_kg = start.nitrous_kg - seen[falling].nitrous_kg;
     assert!((end.tank_pa - (set_pa - droop_pa)).abs() < 1e-3, "{}", end.tank_pa);
     assert!((0.15..0.25).contains(&gone_kg), "{gone_kg}");
-    // The flux of the valve follows the root of a pressure drop that lost 5 of its 65 bar at least, of 25 at most.
+    // The flux of the valve follows the root of a pressure drop that lost 5 of its 65 bar at least, of 25 at
+    // most.
     let share = end.thrust_n / after(&mut sound, &command, 3.0 + STEP_S).thrust_n;
     assert!((0.85..0.97).contains(&share), "{share}");
     // Mended, it is back within its response time, 20 ms: exp(-15) of 5 bar is 0.2 Pa.

@@ -306,7 +306,8 @@ fn choices_that_no_model_serves_are_refused_with_their_key() {
     }
 }
 
-/// The file that shows every key of a mission shows each at its default, so that it says what the other scenarios fly.
+/// The file that shows every key of a mission shows each at its default, so that it says what the other
+/// scenarios fly.
 #[test]
 fn the_hop_shows_the_defaults_of_a_mission() {
     assert_eq!(scenario("hop_50m", &[]).file.mission, hopbench::autopilot::Mission::default());

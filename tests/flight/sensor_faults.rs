@@ -1,5 +1,6 @@
-//! Faults of sensors, their triggers and their injection: two vehicles stand on the pad under one seed, one sound, one
-//! with a fault, and the difference of what they measure is the fault; then flights, in which the autopilot meets it.
+//! Faults of sensors, their triggers and their injection: two vehicles stand on the pad under one seed, one
+//! sound, one with a fault, and the difference of what they measure is the fault; then flights, in which the
+//! autopilot meets it.
 
 use crate::fixture::files::{scenario, try_scenario};
 use hopbench::event::{EventKind, Phase};
@@ -96,7 +97,8 @@ fn errors(component: Component, sound: &[Measurement], faulty: &[Measurement]) -
     errors
 }
 
-/// A shift of a position is good to 0.6 % by the sphere; other sums to rounding of the largest reading, 2e7 Pa.
+/// A shift of a position is good to 0.6 % by the sphere; other sums to rounding of the largest reading, 2e7
+/// Pa.
 fn close(component: Component, error: f64, expected: f64) -> bool {
     let bound = if component == Component::Gnss { 6e-3 * expected.abs() + ROUNDING_M } else { 1e-8 };
     (error - expected).abs() <= bound
@@ -294,8 +296,9 @@ fn sensor_garbage() {
         let (n, width, middle) = (readings.len() as f64, most - least, 0.5 * (least + most));
         let off = readings.iter().sum::<f64>() / n - middle;
         assert!(n > 95.0 && off.abs() < 5.0 * width / (12.0 * n).sqrt(), "{component:?}: {off} of {width}");
-        // Its variance about the middle is width²/12; the fourth moment is width⁴/80, so the square of a deviate has
-        // the variance (1/80 - 1/144) width⁴ = width⁴/180, sqrt(0.8) of its mean. 1.2 % for the sphere, as for noise.
+        // Its variance about the middle is width²/12; the fourth moment is width⁴/80, so the square of a
+        // deviate has the variance (1/80 - 1/144) width⁴ = width⁴/180, sqrt(0.8) of its mean. 1.2 % for the
+        // sphere, as for noise.
         let variance = readings.iter().map(|x| (x - middle) * (x - middle)).sum::<f64>() / n;
         let share = variance / (width * width / 12.0);
         assert!((share - 1.0).abs() < 5.0 * (0.8 / n).sqrt() + 0.012, "{component:?}: variance {share}");
@@ -338,7 +341,8 @@ fn landed_softly(report: &Report) {
     assert!(t.vertical_speed_m_s <= 1.0 && t.lateral_speed_m_s <= 0.5 && t.tilt_deg <= 5.0, "{t:?}");
 }
 
-/// Below 3 m with the engine burning half of the readings are missing and the others too short; the filter refuses those and lands.
+/// Below 3 m with the engine burning half of the readings are missing and the others too short; the filter
+/// refuses those and lands.
 #[test]
 fn altimeter_plume() {
     let scenario = hover(vec![Fault::new(Component::Altimeter, Mode::Plume)]);
@@ -346,7 +350,8 @@ fn altimeter_plume() {
     let flight = flown(&scenario, |flight| {
         let Some(altimeter) = flight.measurement().and_then(|m| m.altimeter) else { return };
         let now = flight.snapshot();
-        // The altimeter is late and its noise and lever arm are some centimetres; the step before decides on the plume.
+        // The altimeter is late and its noise and lever arm are some centimetres; the step before decides on
+        // the plume.
         let clear_of_the_edge = (now.height_m - 3.0).abs() > 0.1;
         if !now.lit || !clear_of_the_edge || now.height_m < 0.5 {
             return;
@@ -433,7 +438,8 @@ fn a_dead_gyroscope_cuts_the_engine_by_its_name() {
     assert_ne!(report.outcome, Outcome::Landed);
 }
 
-/// Fixes that jump by 100 m are refused; the altimeter has ground below it, so the hover goes on and the vehicle lands.
+/// Fixes that jump by 100 m are refused; the altimeter has ground below it, so the hover goes on and the
+/// vehicle lands.
 #[test]
 fn fixes_that_jump_are_refused() {
     let jump = Fault {

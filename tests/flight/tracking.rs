@@ -1,4 +1,5 @@
-//! Predictive tracking and optimal guidance in flight: free of offset, down their ladders, and handed over without a bump.
+//! Predictive tracking and optimal guidance in flight: free of offset, down their ladders, and handed over
+//! without a bump.
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
@@ -122,8 +123,8 @@ fn within_limits(c: &ActuatorCommand, before: Option<&ActuatorCommand>) {
     }
 }
 
-/// The product's own plant, noise and all; the autopilot is told of none of it: thrust 3 % off, centre of mass 10 mm off the
-/// axis (9.00 of 73.40 kg moved by 81.55 mm), wind of 5 m/s.
+/// The product's own plant, noise and all; the autopilot is told of none of it: thrust 3 % off, centre of
+/// mass 10 mm off the axis (9.00 of 73.40 kg moved by 81.55 mm), wind of 5 m/s.
 #[test]
 fn an_unknown_thrust_bias_a_crooked_centre_of_mass_and_wind_leave_no_offset_in_the_hover() {
     let still = [
@@ -211,7 +212,8 @@ fn with_everything_in_order_nothing_but_the_best_rungs_is_flown() {
     assert!(flown.has_landed() && flown.late == 0 && flown.abort.is_none());
 }
 
-/// Closed forms of the ladder: a landing, or the abort that says that guidance is at its end, and a landing all the same.
+/// Closed forms of the ladder: a landing, or the abort that says that guidance is at its end, and a landing
+/// all the same.
 #[test]
 fn without_the_cone_solver_closed_forms_land_it() {
     for (mission, seed) in [(Mission::default(), 36), (hop_5m(), 37)] {
@@ -253,9 +255,9 @@ fn an_answer_in_time_is_as_good_as_at_once_and_a_late_one_as_none() {
     }
 }
 
-/// A shadow with predictive control takes over from either control law. Its first command is one step at the gimbal's own rate from
-/// the last of the pilot; the manoeuvre that begins with it (its reference brakes, or makes for the target) takes less than half
-/// of the gimbal's range in the first tenth of a second.
+/// A shadow with predictive control takes over from either control law. Its first command is one step at the
+/// gimbal's own rate from the last of the pilot; the manoeuvre that begins with it (its reference brakes, or
+/// makes for the target) takes less than half of the gimbal's range in the first tenth of a second.
 #[test]
 fn taking_over_in_any_phase_does_not_jerk_the_gimbal() {
     let after_s = [(5.0, Phase::Ascent), (3.0, Phase::Hover), (4.0, Phase::Descent), (0.5, Phase::Terminal)];

@@ -1,5 +1,5 @@
-//! Invariant: a step of the plant asks the allocator for nothing, whatever it passes through, and neither does an update of the
-//! autopilot between its plans.
+//! Invariant: a step of the plant asks the allocator for nothing, whatever it passes through, and neither
+//! does an update of the autopilot between its plans.
 //!
 //! Every allocation of this thread is counted (crate `allocation-counter`). Steps at which an event is noted
 //! are left out: an event carries text.
@@ -69,7 +69,8 @@ fn no_step_of_thruster_pulses_blow_down_and_depletion_allocates() {
     assert!(fallen_pa > 5e5 && empty > 100 && pulsed > 1_000, "{fallen_pa} {empty} {pulsed}");
 }
 
-/// Filter, sequence, predictive control with its solver: everything but making and taking in plans, which is once a second.
+/// Filter, sequence, predictive control with its solver: everything but making and taking in plans, which is
+/// once a second.
 #[test]
 fn no_update_of_the_autopilot_between_plans_allocates() {
     let mut flight = Flight::new(&files::scenario("hop_50m", &[]), 1).unwrap();

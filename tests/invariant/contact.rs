@@ -254,8 +254,9 @@ fn pulled(ratio: f64, stiffness_n_m: f64, speed_m_s: f64) -> (f64, f64, u32) {
 
 #[test]
 fn a_pulled_block_sticks_and_slips() {
-    // Sticking, the pull grows to μ_s W. Sliding, the block swings on the pulling spring about μ W, from (μ_s - μ) W
-    // and the relative speed V, and sticks again when it stops: the pull is then μ W - sqrt(((μ_s - μ) W)² + k m V²).
+    // Sticking, the pull grows to μ_s W. Sliding, the block swings on the pulling spring about μ W, from (μ_s
+    // - μ) W and the relative speed V, and sticks again when it stops: the pull is then μ W - sqrt(((μ_s - μ)
+    // W)² + k m V²).
     let (k, v) = (2000.0, 0.02);
     let stand = Stand::block(1.4);
     let (w, m) = (stand.weight_n(), stand.vehicle.mass_kg);

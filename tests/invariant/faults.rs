@@ -1,5 +1,5 @@
-//! Whatever breaks in the plant: every number stays one, thrust is never negative, mass is kept, a shut isolation
-//! valve holds, and a vehicle that is sound again has lost nothing but what flowed.
+//! Whatever breaks in the plant: every number stays one, thrust is never negative, mass is kept, a shut
+//! isolation valve holds, and a vehicle that is sound again has lost nothing but what flowed.
 
 use std::sync::LazyLock;
 
@@ -27,8 +27,8 @@ static VEHICLES: LazyLock<Vec<Scenario>> = LazyLock::new(|| {
     choices.iter().map(|overrides| scenario("hop_50m", overrides)).collect()
 });
 
-/// From the isolation valve's end to the last gas (ms). A flame that a leak has lit again may surge once more, and its gas
-/// leaves slowly where nearly all of the efficiency is gone: half a second for each e.
+/// From the isolation valve's end to the last gas (ms). A flame that a leak has lit again may surge once
+/// more, and its gas leaves slowly where nearly all of the efficiency is gone: half a second for each e.
 const AFTER_MS: [u32; 4] = [1500, 1500, 3000, 1500];
 
 fn servo() -> impl Strategy<Value = ServoEffect> {
@@ -107,7 +107,8 @@ fn flown(plant: &mut Plant, command: &ActuatorCommand, steps: u32) {
         assert!(now.thrust_n >= 0.0 && now.thrust_n.is_finite(), "{}", now.thrust_n);
         assert!(now.chamber_pa > 0.0 && now.chamber_pa.is_finite(), "{}", now.chamber_pa);
         assert!(now.oxidizer_kg_s >= 0.0 && now.nitrous_kg >= 0.0);
-        // Play lets the engine stand half of it off its servo, 0.1 rad at most here; barriers let 1e-6 through.
+        // Play lets the engine stand half of it off its servo, 0.1 rad at most here; barriers let 1e-6
+        // through.
         assert!(
             now.gimbal_rad.iter().all(|angle| angle.abs() <= limit_rad + 0.102 + 1e-6),
             "{:?}",
@@ -139,12 +140,14 @@ proptest! {
         let on_board = |s: &hopbench::plant::Snapshot| s.mass_kg + s.manifold_kg + s.chamber_gas_kg;
         let lost = on_board(&before) - on_board(now) - now.expelled_kg.iter().sum::<f64>();
         prop_assert!(lost.abs() <= 1e-9 * before.mass_kg, "{lost} kg");
-        // Power off with the rest still broken: isolation shuts within its stroke, up to two of its seconds here.
+        // Power off with the rest still broken: isolation shuts within its stroke, up to two of its seconds
+        // here.
         let isolation = StrokeEffect { stuck: false, slowness: effects[1].isolation.slowness.min(2.0) };
         plant.set_faults(&PlantEffect { isolation, ..effects[1] });
         flown(&mut plant, &ActuatorCommand::SAFE, 2010 + AFTER_MS[vehicle]);
         let held = plant.snapshot();
-        // What a manifold holds boils off through the injector and never quite ends: four thousandths of full flow at most.
+        // What a manifold holds boils off through the injector and never quite ends: four thousandths of full
+        // flow at most.
         let (flow_kg_s, thrust_n) = if vehicle == 2 { (2e-3, 1.0) } else { (0.0, 0.02) };
         prop_assert!(held.oxidizer_kg_s <= flow_kg_s && held.thrust_n <= thrust_n, "{} kg/s, {} N", held.oxidizer_kg_s, held.thrust_n);
         let lost = on_board(&before) - on_board(held) - held.expelled_kg.iter().sum::<f64>();

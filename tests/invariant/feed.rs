@@ -1,6 +1,6 @@
-//! What must hold for a feed system that stores: it tends to the steady engine as volume, length and lag vanish,
-//! it converges with the step as its method says, it keeps mass, it empties to nothing, it never gives a number
-//! that is not finite.
+//! What must hold for a feed system that stores: it tends to the steady engine as volume, length and lag
+//! vanish, it converges with the step as its method says, it keeps mass, it empties to nothing, it never
+//! gives a number that is not finite.
 
 // The whole flights read the files that `hopbench fly` reads; figures are printed for the record.
 #![allow(clippy::disallowed_macros, clippy::disallowed_methods)]
@@ -39,8 +39,8 @@ fn a_manifold_of_no_volume_and_a_line_of_no_length_are_the_steady_engine() {
             worst = worst.max((fed.point.thrust_n / steady(&engine, angle(t + dt)).thrust_n - 1.0).abs());
         }
         println!("{volume_m3:e} m3, {length_m:?} m: {worst:.1e}");
-        // What a volume stores lags by its lag: 1e-7 m3 has a 250th of 47 ms, 0.19 ms; the thrust moves by 1.3 of
-        // itself per s at most. The line has 1e-6 m/1.3e-4 m2/(2 ΔP/ṁ = 3e7) = 0.3 ns.
+        // What a volume stores lags by its lag: 1e-7 m3 has a 250th of 47 ms, 0.19 ms; the thrust moves by
+        // 1.3 of itself per s at most. The line has 1e-6 m/1.3e-4 m2/(2 ΔP/ṁ = 3e7) = 0.3 ns.
         let lag_s = if volume_m3 > 0.0 { 0.19e-3 } else { 1e-8 };
         assert!(worst < 1.3 * 1.5 * lag_s + 1e-7, "{worst:e}");
     }
@@ -125,8 +125,8 @@ fn steps_across_the_flash_point_settle_on_the_steady_engine() {
                 }
                 let left = (fed.point.thrust_n / end - 1.0).abs();
                 println!("{method:?} {length_m:?} {from} -> {to}: beyond {beyond:.1e}, left {left:.1e}");
-                // Backward Euler does not overshoot. Two stages: (1 - (1 - 2γ) z)/(1 + γ z)² is at least -0.207. A
-                // column that is braked by liquid rings.
+                // Backward Euler does not overshoot. Two stages: (1 - (1 - 2γ) z)/(1 + γ z)² is at least
+                // -0.207. A column that is braked by liquid rings.
                 let allowed = match (method, length_m) {
                     (_, Some(_)) => 0.35,
                     (ImplicitMethod::BackwardEuler, None) => 1e-6,
@@ -235,13 +235,14 @@ const IMPLICIT: (&str, &str) = ("vehicle.feed.manifold.model", "\"implicit\"");
 const HEAD: (&str, &str) =
     ("vehicle.feed.line", "{ length_m = 0.5, area_m2 = 1.267e-4, static_head = true, drop_m = 0.5 }");
 
-/// 1 ms against 0.25 ms over 8 s. Maps rebuilt at 0.1 bar, which this replaced, were 22 mm apart under droop and
-/// 0.37 mm in blow-down. Now 7.0e-6 m and 2.7e-7 m; 1.1e-4 m with vapour off a liquid that cools by 0.5 K. What is left under droop
-/// falls with the square of the step (1.8e-4 m at 5 ms): the regulator's response to the throttle steps. The
-/// implicit manifold has 2.4e-4 m with the tank at rest, its own second order after a throttle step (1.1e-2 m at
-/// 5 ms), and 1.2e-3 m under droop, where both of its stages see the tank of the later one. A line has 7.8e-4 m (4.7e-3 m
-/// at 5 ms): first order, with its head followed within the step as without; its column lags by less than a step.
-/// All together 2.1e-3 m. Allowed: about twice what each was found to be.
+/// 1 ms against 0.25 ms over 8 s. Maps rebuilt at 0.1 bar, which this replaced, were 22 mm apart under droop
+/// and 0.37 mm in blow-down. Now 7.0e-6 m and 2.7e-7 m; 1.1e-4 m with vapour off a liquid that cools by 0.5
+/// K. What is left under droop falls with the square of the step (1.8e-4 m at 5 ms): the regulator's response
+/// to the throttle steps. The implicit manifold has 2.4e-4 m with the tank at rest, its own second order
+/// after a throttle step (1.1e-2 m at 5 ms), and 1.2e-3 m under droop, where both of its stages see the tank
+/// of the later one. A line has 7.8e-4 m (4.7e-3 m at 5 ms): first order, with its head followed within the
+/// step as without; its column lags by less than a step. All together 2.1e-3 m. Allowed: about twice what
+/// each was found to be.
 #[test]
 fn whole_flights_converge_while_the_tank_moves() {
     let mut missed = Vec::new();
@@ -298,8 +299,8 @@ fn maps_between_the_nodes_of_the_grid_are_those_of_the_state_itself() {
         }
     }
     println!("valve {:.1e}, near boiling and above {:.1e}; injector {:.1e}", worst[0], worst[1], worst[2]);
-    // An eighth of the second difference over 0.5 bar and 0.25 K; near the vapour pressure the valve's flux has a
-    // root's slope, and that pressure is not where the maps are aligned.
+    // An eighth of the second difference over 0.5 bar and 0.25 K; near the vapour pressure the valve's flux
+    // has a root's slope, and that pressure is not where the maps are aligned.
     assert!(worst[0] < 3e-4 && worst[1] < 2e-3 && worst[2] < 1e-4, "{worst:?}");
 }
 
@@ -315,7 +316,8 @@ fn the_static_head_is_pressure_before_the_valve() {
     let head_pa = engine.static_head_pa(&map, 0.57, 11.0);
     assert!((head_pa / (map.tank().density_kg_m3 * 11.0 * 0.87) - 1.0).abs() < 1e-12);
     assert_eq!(engine.static_head_pa(&map, 0.57, -11.0), 0.0);
-    // Where P2 settles, the flow is the valve's own times the root of (drop + head)/drop, and the injector passes it.
+    // Where P2 settles, the flow is the valve's own times the root of (drop + head)/drop, and the injector
+    // passes it.
     for degrees in [15.0, 20.0, 26.0] {
         let mut fed = Fed::steady(&engine, degrees);
         fed.head_pa = head_pa;
@@ -355,7 +357,8 @@ fn in_flight_the_head_is_the_weight_of_the_column() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Random throttles, volumes, lines, chambers and tanks: finite numbers, nothing negative, content in range.
+    /// Random throttles, volumes, lines, chambers and tanks: finite numbers, nothing negative, content in
+    /// range.
     #[test]
     fn nothing_is_nan_over_random_throttles(
         angles in prop::collection::vec(prop_oneof![Just(0.0), 0.0..80.0], 12),

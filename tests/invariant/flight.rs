@@ -33,7 +33,8 @@ const ULLAGE: (&str, &str) = ("vehicle.feed.tank.ullage.model", "\"energy_balanc
 const VAPOR: (&str, &str) = ("vehicle.feed.tank.ullage.vapor_conductance_kg_s_pa", "1e-8");
 const SATURATED: (&str, &str) = ("vehicle.feed.tank.ullage.vapor_saturation", "1.0");
 
-/// The default model sets the tank's pressure; where it is a state, stratified or with vapour, the regulator must.
+/// The default model sets the tank's pressure; where it is a state, stratified or with vapour, the regulator
+/// must.
 #[test]
 fn regulated_tank_burning_fuel_nitrogen_and_mass_over_the_hop() {
     let variants: [&[(&str, &str)]; 3] = [&[], &[BOTTLE, ULLAGE], &[BOTTLE, ULLAGE, VAPOR, SATURATED]];
@@ -44,8 +45,9 @@ fn regulated_tank_burning_fuel_nitrogen_and_mass_over_the_hop() {
     }
 }
 
-/// Least and greatest pressure of the run tank while the regulator feeds it (Pa). After landing nothing is drawn, and gas
-/// that the liquid warms passes the set pressure: to 65.3 bar stratified, 65.9 bar with vapour.
+/// Least and greatest pressure of the run tank while the regulator feeds it (Pa). After landing nothing is
+/// drawn, and gas that the liquid warms passes the set pressure: to 65.3 bar stratified, 65.9 bar with
+/// vapour.
 fn regulated_hop(overrides: &[(&str, &str)]) -> [f64; 2] {
     let scenario = files::scenario("hop_50m", overrides);
     let (mut low, mut high, mut regulated) = (f64::MAX, f64::MIN, 0u32);
@@ -125,7 +127,8 @@ fn scripted_motion_at_five_milliseconds_is_converged() {
     }
 }
 
-/// The seed paper calls its motion monotonic. Liquid and fuel leave from above and below the dry centre in turn.
+/// The seed paper calls its motion monotonic. Liquid and fuel leave from above and below the dry centre in
+/// turn.
 #[test]
 fn the_centre_of_mass_falls_and_rises_again() {
     let scenario = files::scenario("hop_50m", &[]);
@@ -161,8 +164,8 @@ fn gimballed(engine: &str, keys: &[(&str, &str)], schedule: &str) -> Scenario {
     scenario
 }
 
-/// Linear momentum, and angular momentum about the world's origin, of the plant as it stands; `before` a step earlier.
-/// The engine moves with its servo where its angle has changed.
+/// Linear momentum, and angular momentum about the world's origin, of the plant as it stands; `before` a step
+/// earlier. The engine moves with its servo where its angle has changed.
 fn momentum_of(scenario: &Scenario, plant: &Plant, before: &Snapshot) -> (Vec3, Vec3) {
     let (state, now, vehicle) = (plant.state(), plant.snapshot(), &scenario.vehicle);
     let contents = Contents {
@@ -223,8 +226,8 @@ fn play_of_the_gimbal_leaves_momentum_alone() {
                 "{model} backlash {backlash}: {linear:.1e} N s, {angular:.1e} N m s; body up to {fastest:.2e}, in the end {end:.1e} rad/s"
             );
             assert!(taken_up > 10 && fastest > 1e-2, "it moves");
-            // RK4 at 1 ms over the kinks of the servo's limits leaves 3e-6 without any play; the engine's own is up to
-            // 2 N m s.
+            // RK4 at 1 ms over the kinks of the servo's limits leaves 3e-6 without any play; the engine's own
+            // is up to 2 N m s.
             assert!(linear < 1e-5 && angular < 1e-5, "{model} {backlash}: {linear:e} {angular:e}");
             if model == "\"frozen\"" {
                 assert!(end < 1e-5, "{end:e}");
@@ -233,7 +236,8 @@ fn play_of_the_gimbal_leaves_momentum_alone() {
     }
 }
 
-/// The engine's inertia pushes to and fro: once it rests, the vehicle's rate is what the side force alone has made.
+/// The engine's inertia pushes to and fro: once it rests, the vehicle's rate is what the side force alone has
+/// made.
 #[test]
 fn play_leaves_the_side_force_alone() {
     let schedule = "time_s,valve_deg,gimbal_x_deg\n0.0,30.0,0.0\n0.1,30.0,3.0\n0.4,30.0,-3.0\n0.7,30.0,0.0\n";
@@ -255,14 +259,14 @@ fn play_leaves_the_side_force_alone() {
     for backlash in ["0.0", "0.002", "0.005", "0.02"] {
         let ((with, most), (without, _)) = (flown(backlash, "true"), flown(backlash, "false"));
         println!("backlash {backlash}: {with:.6} rad/s, {without:.6} without inertia, up to {most:.3}");
-        // The engine's centre moves aside with it: m_e l/(m z) = 2.79 kg m/(73 kg 0.40 m), a tenth of thrust's moment. A
-        // blow left out would be 0.036 to 0.09 rad/s.
+        // The engine's centre moves aside with it: m_e l/(m z) = 2.79 kg m/(73 kg 0.40 m), a tenth of
+        // thrust's moment. A blow left out would be 0.036 to 0.09 rad/s.
         assert!((with - without).abs() < 0.12 * without.abs(), "{with} {without}, up to {most}");
     }
 }
 
-/// What friction holds back in the whole vehicle: a command below it moves the gimbal by a 26th, a greater one is
-/// met within it, from either side.
+/// What friction holds back in the whole vehicle: a command below it moves the gimbal by a 26th, a greater
+/// one is met within it, from either side.
 #[test]
 fn friction_of_the_gimbal_leaves_its_own_error() {
     let schedule =

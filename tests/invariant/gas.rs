@@ -1,5 +1,5 @@
-//! Gas as a state over whole flights: they land, the tank holds its pressure, nothing is lost, and an outlet that
-//! uncovers gives a spike and a tail.
+//! Gas as a state over whole flights: they land, the tank holds its pressure, nothing is lost, and an outlet
+//! that uncovers gives a spike and a tail.
 #![allow(clippy::disallowed_macros)] // prints what it measured
 
 use crate::fixture::bare_engine;
@@ -52,8 +52,8 @@ fn hop(overrides: &[(&str, &str)]) -> (Snapshot, [f64; 2]) {
     (s, tank_pa)
 }
 
-/// Every gram that the vehicle lost stands under one key of the report: nitrogen that followed the liquid through the
-/// engine, vapour that is still on board and so is not used.
+/// Every gram that the vehicle lost stands under one key of the report: nitrogen that followed the liquid
+/// through the engine, vapour that is still on board and so is not used.
 #[test]
 fn the_report_says_where_the_mass_went() {
     let stand = ("duration_s", "8.0");
@@ -181,8 +181,8 @@ fn an_uncovered_outlet_gives_a_spike_and_a_tail() {
     );
     assert!(end.nitrous_kg < 1e-6 && end.thrust_n > 0.0 && end.thrust_n < 0.5 * plateau_n);
 
-    // Two orifices in series, each shared by liquid and gas: what passes the valve passes the injector, and what the
-    // stores lose is what that carries.
+    // Two orifices in series, each shared by liquid and gas: what passes the valve passes the injector, and
+    // what the stores lose is what that carries.
     let vehicle = scenario("hover_5m", &overrides).vehicle;
     let feed = bare_engine::vehicle().feed;
     let gas_ingestion = vehicle.gas_ingestion.unwrap();
@@ -229,22 +229,23 @@ fn an_uncovered_outlet_gives_a_spike_and_a_tail() {
     }
     println!("{mixed} mixed, {pure} of gas: {worst:?}");
     assert!(mixed > 5 && pure > 100);
-    // Liquid: the plant's map is of a tank within 10 kPa, half a per cent of the 10 bar over the valve. Gas: P2 to 1e-9 of
-    // the tank's pressure, and the last nanogram of liquid. Flow: a difference over 2 ms of a tail of seconds, 1e-6.
+    // Liquid: the plant's map is of a tank within 10 kPa, half a per cent of the 10 bar over the valve. Gas:
+    // P2 to 1e-9 of the tank's pressure, and the last nanogram of liquid. Flow: a difference over 2 ms of a
+    // tail of seconds, 1e-6.
     assert!(worst[0] < 5e-3 && worst[1] < 1e-7 && worst[2] < 1e-5, "{worst:?}");
     // What those orifices make of it.
     assert!((spike - 1.308).abs() < 0.005, "{spike}");
 
-    // No jump: 0.4 g of 29 g in a millisecond moves the shares by 1.2 %, and gas passes the orifices up to eight times as
-    // fast as liquid by volume: less than a tenth of the plateau.
+    // No jump: 0.4 g of 29 g in a millisecond moves the shares by 1.2 %, and gas passes the orifices up to
+    // eight times as fast as liquid by volume: less than a tenth of the plateau.
     let lit: Vec<f64> = run.iter().filter(|s| s.lit && s.nitrous_kg < 0.3).map(|s| s.thrust_n).collect();
     let jump = lit.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
     println!("jump {:.4} of the plateau", jump / plateau_n);
     assert!(jump < 0.1 * plateau_n, "{jump} N");
 }
 
-/// Without a bottle the liquid boils: its vapour holds the tank at the vapour pressure of a liquid that cools, nitrogen
-/// adds its own pressure, and what evaporates lags by what the room takes up.
+/// Without a bottle the liquid boils: its vapour holds the tank at the vapour pressure of a liquid that
+/// cools, nitrogen adds its own pressure, and what evaporates lags by what the room takes up.
 #[test]
 fn without_nitrogen_the_tank_follows_its_vapour_pressure() {
     let vehicle = files::reference();
@@ -285,8 +286,9 @@ fn without_nitrogen_the_tank_follows_its_vapour_pressure() {
     }
 }
 
-/// A surface that gives vapour to a tank full of nitrogen at the set pressure would raise it past the regulator: 65 and
-/// 47 bar. Refused; a saturated start, a slack of half a bar, or room below the set pressure is not.
+/// A surface that gives vapour to a tank full of nitrogen at the set pressure would raise it past the
+/// regulator: 65 and 47 bar. Refused; a saturated start, a slack of half a bar, or room below the set
+/// pressure is not.
 #[test]
 fn vapour_that_would_raise_the_tank_is_refused() {
     let with = |extra: &[(&str, &str)]| {

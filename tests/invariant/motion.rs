@@ -117,7 +117,8 @@ fn momentum_drift(vehicle: &Vehicle, dt_s: f64) -> (f64, f64) {
         state = rk4_step(&state, dt_s, |s, fraction| {
             let t = (f64::from(step) + fraction) * dt_s;
             let a = vehicle.with_balance(&s.vehicle, t, accelerations);
-            // What leaves has the velocity of the place where it leaves; its speed relative to that is thrust.
+            // What leaves has the velocity of the place where it leaves; its speed relative to that is
+            // thrust.
             let (v, r) = (&s.vehicle, s.vehicle.ned_from_body());
             let exit = vehicle.outflow.position_body_m;
             let place = v.position_ned_m + r * exit;
@@ -163,8 +164,8 @@ fn two_modes(flow_kg_s: f64, axial_m_s2: f64) -> Vehicle {
 
 #[test]
 fn momentum_stays_with_two_modes_and_flow() {
-    // The second mode is 1.7 times as fast: its truncation, 1.7⁵ = 14 times that of the first on a fourteenth of the
-    // mass, adds as much again.
+    // The second mode is 1.7 times as fast: its truncation, 1.7⁵ = 14 times that of the first on a fourteenth
+    // of the mass, adds as much again.
     let drift = momentum_drift(&two_modes(0.5, 9.8), 1e-3);
     assert!(drift.0 < 2e-11 && drift.1 < 2e-11, "relative drift {drift:?}");
 }

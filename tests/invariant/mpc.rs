@@ -1,5 +1,5 @@
-//! Invariant: whatever it is given, predictive control answers finite inputs inside their limits, or says that it
-//! cannot; it never panics, and the same program gives the same bits.
+//! Invariant: whatever it is given, predictive control answers finite inputs inside their limits, or says
+//! that it cannot; it never panics, and the same program gives the same bits.
 
 #![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 

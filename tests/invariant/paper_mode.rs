@@ -31,8 +31,8 @@ fn condition(port_radius_m: f64, throat_radius_m: f64) -> EngineCondition {
     EngineCondition::burning(port_radius_m, throat_radius_m, 101_325.0)
 }
 
-/// Least-squares polynomials of NASA CEA's ideal values at 20 bar, expansion 3, O/F 1 to 12, degree 8, made with
-/// numpy from the table that the reference map was reduced from.
+/// Least-squares polynomials of NASA CEA's ideal values at 20 bar, expansion 3, O/F 1 to 12, degree 8, made
+/// with numpy from the table that the reference map was reduced from.
 const CEA_ISP_SEA_LEVEL_S: [f64; 9] = [
     9.256334926060e+01,
     1.337666474147e+02,
@@ -152,8 +152,8 @@ fn better_models_of_the_vehicle_file_do_not_reach_the_paper() {
     assert_eq!(plain.len(), better.len());
 }
 
-/// Without damping enough for the step, Euler's oscillator grows by |1 + λ dt|² = 1 - 2 ζ ω dt + ω² dt² a step in
-/// the form ω² x² + v² + 2 ζ ω x v.
+/// Without damping enough for the step, Euler's oscillator grows by |1 + λ dt|² = 1 - 2 ζ ω dt + ω² dt² a
+/// step in the form ω² x² + v² + 2 ζ ω x v.
 #[test]
 fn slosh_grows_as_euler_lets_it() {
     let mut scenario = files::scenario("open_loop_a", &[("fidelity", "\"paper\""), ("duration_s", "2.4")]);

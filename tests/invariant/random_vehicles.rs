@@ -238,8 +238,8 @@ fn draw(schema: &Json, reference: &Value, number: u64) -> (Value, bool) {
     (file, tidy)
 }
 
-/// Takes a key from the reference vehicle, away if that has none, or the nearest table around it that both files
-/// have; `false`: it was the same already, or there is none.
+/// Takes a key from the reference vehicle, away if that has none, or the nearest table around it that both
+/// files have; `false`: it was the same already, or there is none.
 fn take_from_reference(file: &mut Value, reference: &Value, key: &str) -> bool {
     let mut path: Vec<String> =
         key.replace('[', ".").replace(']', "").split('.').map(str::to_owned).collect();
@@ -346,8 +346,8 @@ fn reduced(file: &Value, reference: &Value, fails: impl Fn(&Value) -> bool) -> (
     (file, needed)
 }
 
-/// Tensors of inertia that a body can have, directions of length one, and a tank at its regulator's pressure: by
-/// chance none of them occurs.
+/// Tensors of inertia that a body can have, directions of length one, and a tank at its regulator's pressure:
+/// by chance none of them occurs.
 fn draw_bodies(file: &mut Value, random: &mut Random) {
     let number = |v: &Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64)).unwrap_or(0.0);
     // A regulator that holds the tank where it is; another pressure is a choice that few models serve.

@@ -1,8 +1,8 @@
 //! Invariant: what the allocation asks of the valve, the engine gives back as thrust.
 //!
 //! The engine is the plant's own: a vehicle held fast, its engine lit and steady at a valve angle from the
-//! autopilot's table, at ports and fills over their ranges. And what it asks of the roll thrusters is what they use,
-//! whichever driver makes the pulses.
+//! autopilot's table, at ports and fills over their ranges. And what it asks of the roll thrusters is what
+//! they use, whichever driver makes the pulses.
 
 #![allow(clippy::disallowed_macros)] // figures of a run are printed for the record
 
@@ -46,7 +46,8 @@ fn the_engine_gives_back_the_thrust_that_was_asked_for() {
             for wanted_n in THRUSTS_N {
                 let given_n = thrust_n(&hop, map.valve_angle_rad(wanted_n, radius_m), radius_m, nitrous_kg);
                 let error = given_n / wanted_n - 1.0;
-                // Bilinear interpolation between 24 thrusts and 8 radii, and the column of liquid over the valve.
+                // Bilinear interpolation between 24 thrusts and 8 radii, and the column of liquid over the
+                // valve.
                 assert!(error.abs() < 0.005, "{error} at {wanted_n} N, {radius_m} m, {nitrous_kg} kg");
                 worst = worst.max(error.abs());
                 count += 1;
@@ -93,8 +94,8 @@ fn pulses_are_made_once_and_their_nitrogen_is_known() {
         assert!(flown.report.expect.passed, "{drive:?}: {:?}", flown.report.expect.items);
         assert!(used_kg > 0.0);
         match drive {
-            // The driver begins a period of 0.1 s with the command of that moment, a sample of what is counted, and
-            // forgets what is owed when the sign turns: some of the thousand periods.
+            // The driver begins a period of 0.1 s with the command of that moment, a sample of what is
+            // counted, and forgets what is owed when the sign turns: some of the thousand periods.
             Drive::PulseModulated => {
                 assert!(between > 100 && (known_kg / used_kg - 1.0).abs() < 0.1, "{used_kg} {known_kg}");
             }

@@ -1,7 +1,8 @@
-//! Invariants of predictive tracking, its loop closed over a rigid body of the test's own: free of offset, mirrored when
-//! the world is, and down its ladder and up again.
+//! Invariants of predictive tracking, its loop closed over a rigid body of the test's own: free of offset,
+//! mirrored when the world is, and down its ladder and up again.
 //!
-//! The body is thrust behind a lag, two gimbal servos and six degrees of freedom without the engine's swing, stepped at 1 ms.
+//! The body is thrust behind a lag, two gimbal servos and six degrees of freedom without the engine's swing,
+//! stepped at 1 ms.
 
 use crate::fixture::autopilot_plant;
 use hopbench::autopilot::Mission;
@@ -176,8 +177,8 @@ fn hover(_: f64) -> Reference {
 const CROOKED: Unknown =
     Unknown { thrust_factor: 1.03, offset_m: [0.010, -0.010], push_ned_m_s2: Vec3::new(0.15, -0.10, 0.0) };
 
-/// After six seconds the observers' slowest mode, a double pole at 1.5 rad/s, is down to (1 + 9) e⁻⁹ = 1.2e-3; the error that a
-/// hover without them keeps stands against it.
+/// After six seconds the observers' slowest mode, a double pole at 1.5 rad/s, is down to (1 + 9) e⁻⁹ =
+/// 1.2e-3; the error that a hover without them keeps stands against it.
 #[test]
 fn constant_disturbances_leave_no_offset_and_without_observers_they_do() {
     let error_m = |learning| {
@@ -237,7 +238,8 @@ fn the_mirrored_world_has_the_mirrored_command() {
     assert!(rolled > 0.02, "{rolled}: nothing to mirror");
 }
 
-/// Five solves without any answer in the middle of a correction: the plan before for 60 ms, then constant feedback, then plans.
+/// Five solves without any answer in the middle of a correction: the plan before for 60 ms, then constant
+/// feedback, then plans.
 #[test]
 fn a_failure_of_a_tenth_of_a_second_is_flown_through() {
     let whole = Loop::at(Vec3::zeros(), NOTHING).p;

@@ -102,8 +102,8 @@ fn deviations(case: &str) -> [f64; 5] {
     worst
 }
 
-// RK4 at 1 ms: (ω dt)⁴/120 = 3e-10 per radian of slosh, over 68 rad of 30 mm that decay: 5e-10 m, 14 times that
-// in velocity, and a thirtieth of either in the body, 28 times heavier.
+// RK4 at 1 ms: (ω dt)⁴/120 = 3e-10 per radian of slosh, over 68 rad of 30 mm that decay: 5e-10 m, 14 times
+// that in velocity, and a thirtieth of either in the body, 28 times heavier.
 #[test]
 fn free_and_pushed_vehicle_with_a_sloshing_mass() {
     for case in ["free", "pushed"] {
@@ -167,8 +167,9 @@ fn grain_liquid_and_ullage() {
     }
     println!("fuel kg, mass (relative), centre m, Ixx (relative), Izz kg m2: {worst:?} over {count} rows");
     assert_eq!(count, 10);
-    // RocketPy's radius and mass come from an integration to 1e-3 of its own and from tables over time: its own fuel
-    // and its own radius disagree by 0.1 g; that is 1e-5 of the mass, at 0.5 m from the centre 4e-5 kg m2 of 0.3.
+    // RocketPy's radius and mass come from an integration to 1e-3 of its own and from tables over time: its
+    // own fuel and its own radius disagree by 0.1 g; that is 1e-5 of the mass, at 0.5 m from the centre 4e-5
+    // kg m2 of 0.3.
     let allowed = [2e-4, 2e-5, 1e-5, 2e-4, 2e-6];
     assert!(worst.iter().zip(allowed).all(|(error, allowed)| *error < allowed), "{worst:?}");
 }

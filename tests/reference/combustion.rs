@@ -54,7 +54,8 @@ fn lines_of_the_map_are_those_of_cea() {
 #[test]
 fn the_map_between_its_lines() {
     let flown = |r: &[f64; 7]| (2.5..=10.0).contains(&r[0]);
-    // Here graphite begins to leave the chamber: slopes in O/F jump, which no cubic over lines a quarter apart follows.
+    // Here graphite begins to leave the chamber: slopes in O/F jump, which no cubic over lines a quarter
+    // apart follows.
     let kink = |r: &[f64; 7]| (3.0..=3.25).contains(&r[0]);
     let rows = points("liquid");
     let select =
@@ -69,7 +70,8 @@ fn the_map_between_its_lines() {
     // with ln p in second order, 0.16 % at twice or a third of 20 bar.
     let between = select(&|r| flown(r) && !kink(r));
     judge("O/F 2.5 to 10", &between, [6.8e-4, 8.0e-4, 1.7e-3, 1.7e-3, gamma]);
-    // A kink of 16 m/s per 0.1 of O/F in a cell of 0.25: at most an eighth of the cell times its jump in slope, 0.35 %.
+    // A kink of 16 m/s per 0.1 of O/F in a cell of 0.25: at most an eighth of the cell times its jump in
+    // slope, 0.35 %.
     judge("O/F 3.0 to 3.25", &select(&kink), [3.5e-3, 3.5e-3, 3.5e-3, 3.5e-3, gamma]);
     judge("O/F 0.5 to 15", &select(&|r| !flown(r)), [8.0e-4, 1.2e-3, 5e-3, 5e-3, 1.5e-2]);
 }

@@ -1,5 +1,6 @@
-//! Two-phase flux through valve and injector, and the nitrogen's whereabouts, against CoolProp called directly
-//! (tools/reference/make_feed_points.py; version in the data files): Eqs 13 to 16 and the states of the oxidiser.
+//! Two-phase flux through valve and injector, and the nitrogen's whereabouts, against CoolProp called
+//! directly (tools/reference/make_feed_points.py; version in the data files): Eqs 13 to 16 and the states of
+//! the oxidiser.
 
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
@@ -94,8 +95,9 @@ fn flux_of_the_reference_tank() {
             worst.see("valve, choked", inlet.valve_flux_kg_m2_s / row["valve_flux"] - 1.0, place);
         }
     }
-    // Tables of the fluids: 1e-8 of the tank's liquid and of the saturation line (tests/reference/fluid.rs, and there
-    // in units of the latent heat), some of it twice; the map between valve and injector adds as much.
+    // Tables of the fluids: 1e-8 of the tank's liquid and of the saturation line (tests/reference/fluid.rs,
+    // and there in units of the latent heat), some of it twice; the map between valve and injector adds as
+    // much.
     worst.stay_below(&[("tank density", 2e-8), ("valve", 2e-8), ("valve, choked", 2e-8), ("injector", 5e-8)]);
 }
 

@@ -1,7 +1,7 @@
 //! Fluid tables against the equations of state they were made from, at points between the grid lines.
 //!
-//! `tests/reference/fluid_points.csv` is written by `tools/reference/make_fluid_tables.py` (CoolProp; version and
-//! command in its heading).
+//! `tests/reference/fluid_points.csv` is written by `tools/reference/make_fluid_tables.py` (CoolProp; version
+//! and command in its heading).
 
 use hopbench::fluid::{Nitrogen, Nitrous};
 

@@ -98,7 +98,8 @@ fn a_bottle_expands_between_isentropic_and_isothermal() {
             assert!((bar - 121.0).abs() < 0.5 && (k - 225.0).abs() < 0.5, "{bar} bar {k} K");
         }
         if conductance == 1000.0 {
-            // The gas lags the wall by its cooling, near 4 kW, over the conductance: 4 K, 2 % of the pressure.
+            // The gas lags the wall by its cooling, near 4 kW, over the conductance: 4 K, 2 % of the
+            // pressure.
             assert!((bar - 177.4).abs() < 4.5 && (k - 290.0).abs() < 5.0, "{bar} bar {k} K");
         }
     }
@@ -162,8 +163,8 @@ fn mass_and_energy_close_to_a_billionth() {
             }
         });
         // Round-off of 24 000 steps for mass; RK4 over the cells of bicubic tables for energy. Gas in
-        // equilibrium rides on the saturation line, where mist begins with a kink: each crossing costs an error
-        // of second order in the step.
+        // equilibrium rides on the saturation line, where mist begins with a kink: each crossing costs an
+        // error of second order in the step.
         let allowed = if conductance == 1.0 { 1e-6 } else { 1e-9 };
         assert!(worst[0] < 1e-12 && worst[1] < allowed, "{conductance} {saturation}: {worst:?}");
         assert!(worst[2] < 0.5e5, "65 +- 0.5 bar: {worst:?}");
@@ -232,16 +233,16 @@ fn against_the_second_code(kinds: &[&str], allowed: impl Fn(&str, &[f64]) -> f64
     assert!(rows >= 2 * kinds.len(), "{rows}");
 }
 
-/// What steps may cost: DOP853 keeps 1e-9 of each step, over some hundreds of them 1e-7; RK4 at 1 ms with a regulator of
-/// 20 ms (1/20)^4/120 = 5e-8; ten printed digits 5e-10. The tables' errors, spacing to the fourth, are below that
-/// between 200 and 300 K.
+/// What steps may cost: DOP853 keeps 1e-9 of each step, over some hundreds of them 1e-7; RK4 at 1 ms with a
+/// regulator of 20 ms (1/20)^4/120 = 5e-8; ten printed digits 5e-10. The tables' errors, spacing to the
+/// fourth, are below that between 200 and 300 K.
 const STEPS: f64 = 2e-7;
 
 #[test]
 fn the_second_code_agrees() {
     against_the_second_code(&["bottle", "drain"], |_, v| {
-        // Mist begins after 2 s. Its droplets take no room here; the second code lets them, ρ_v/ρ_l = 20 % of the
-        // condensed share, a few per cent of the vapour.
+        // Mist begins after 2 s. Its droplets take no room here; the second code lets them, ρ_v/ρ_l = 20 % of
+        // the condensed share, a few per cent of the vapour.
         if v[0] == 1e-6 && v[2] > 2.0 { 1e-2 } else { STEPS }
     });
 }
@@ -251,9 +252,9 @@ fn the_second_code_agrees_on_droop_and_lock_up() {
     against_the_second_code(&["droop", "lockup"], |_, _| STEPS);
 }
 
-/// The second code boils twenty times nearer to the vapour pressure. Ours lags by E/g, evaporation 25 g/s over
-/// g = V/(R T · 20 ms) = 1.4e-5 kg/(s Pa): 1.8 kPa, at 110 kPa/K 16 mK in a liquid of 22 kJ/K, whose 360 J would
-/// evaporate 2 g of 247 g: 9e-3.
+/// The second code boils twenty times nearer to the vapour pressure. Ours lags by E/g, evaporation 25 g/s
+/// over g = V/(R T · 20 ms) = 1.4e-5 kg/(s Pa): 1.8 kPa, at 110 kPa/K 16 mK in a liquid of 22 kJ/K, whose 360
+/// J would evaporate 2 g of 247 g: 9e-3.
 #[test]
 fn the_second_code_agrees_on_blow_down_and_boiling() {
     against_the_second_code(&["blow_down"], |_, v| if v[2] < 20.0 { STEPS } else { 9e-3 });
@@ -288,8 +289,8 @@ fn a_drained_tank_droops_by_the_flow_of_nitrogen() {
             if left > 0.0 { low = p } else { high = p }
         }
         println!("droop {droop:e}: {tank_pa:.1} Pa, closed form {low:.1} Pa, at {flow_kg_s:.5} kg/s");
-        // A steady state: round-off of 65 bar and of the density's root. What the first transient leaves falls
-        // with τ + k V/(R T), 1 s at the most here, for 20 s: 2e-9 of 3.5 bar.
+        // A steady state: round-off of 65 bar and of the density's root. What the first transient leaves
+        // falls with τ + k V/(R T), 1 s at the most here, for 20 s: 2e-9 of 3.5 bar.
         assert!((tank_pa - (65e5 - droop * flow_kg_s)).abs() < 1.0, "the law itself");
         assert!((tank_pa - low).abs() < 1.0 && view.nitrogen.regulated);
     }

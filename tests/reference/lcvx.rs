@@ -1,5 +1,5 @@
-//! Least-fuel motions against CVXPY and ECOS (tools/reference/make_lcvx_points.py; versions in the data files),
-//! and the conditions of optimality of the program itself.
+//! Least-fuel motions against CVXPY and ECOS (tools/reference/make_lcvx_points.py; versions in the data
+//! files), and the conditions of optimality of the program itself.
 
 // The test prints its figures for the record.
 #![allow(clippy::disallowed_macros)]
@@ -79,8 +79,9 @@ fn fuel_and_motion_of_twenty_problems() {
     }
     println!("fuel {fuel:.1e}, position {position:.1e} of the way, velocity {velocity:.1e} of the limit");
     assert_eq!(compared, 18 * 30);
-    // Both solvers stop at a gap of 1e-10 or as close as rounding lets them. The motion is less certain than the
-    // cost, because near the optimum the cost is flat: it varies over about the root of the gap, 1e-5 to 1e-4.
+    // Both solvers stop at a gap of 1e-10 or as close as rounding lets them. The motion is less certain than
+    // the cost, because near the optimum the cost is flat: it varies over about the root of the gap, 1e-5 to
+    // 1e-4.
     assert!(fuel < 1e-6 && position < 5e-5 && velocity < 3e-4);
 }
 

@@ -115,11 +115,13 @@ fn response_of_the_manifold() {
             }
         }
         for (inside, all) in at_1_ms {
-            // The valve moves P2 by 15 bar in 150 ms: its third derivative is at most 60·15e5/0.15³ = 2.7e10 Pa/s³, the
-            // local error 0.04 h³ of it, carried for a lag of 45 ms: 0.04·1e-6·2.7e10·0.045 = 49 Pa; 0.3 N per 1e3 Pa.
+            // The valve moves P2 by 15 bar in 150 ms: its third derivative is at most 60·15e5/0.15³ = 2.7e10
+            // Pa/s³, the local error 0.04 h³ of it, carried for a lag of 45 ms: 0.04·1e-6·2.7e10·0.045 = 49
+            // Pa; 0.3 N per 1e3 Pa.
             assert!(inside[0] < 50.0 && inside[1] < 1e-5 && inside[2] < 0.02, "{inside:?}");
-            // Where it stops boiling the lag falls forty-fold inside a step, and behind it P2 follows within a step:
-            // two steps' worth of what the valve does, 8 deg·1.875/150 ms = 0.1 deg a step, 45 N and 1.6 bar a degree.
+            // Where it stops boiling the lag falls forty-fold inside a step, and behind it P2 follows within
+            // a step: two steps' worth of what the valve does, 8 deg·1.875/150 ms = 0.1 deg a step, 45 N and
+            // 1.6 bar a degree.
             assert!(all[0] < 3.2e4 && all[2] < 9.0, "{all:?}");
         }
         // Second order, until the tables of either side differ.

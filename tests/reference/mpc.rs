@@ -1,7 +1,7 @@
 //! Predictive control against Clarabel, a general conic solver that shares no code with ours.
 //!
-//! Three hundred programs of a loop closed over 6 s with two gusts, the last hundred with a model of its own in every
-//! stage; for 20 and for 30 stages.
+//! Three hundred programs of a loop closed over 6 s with two gusts, the last hundred with a model of its own
+//! in every stage; for 20 and for 30 stages.
 
 #![allow(clippy::needless_range_loop)] // in linear algebra several arrays run along one index
 
@@ -17,7 +17,8 @@ fn difference(a: &[f64; INPUTS], b: &[f64; INPUTS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// Greatest excess over the limits of input and change. The tilt's limits are soft: their excess is in the cost.
+/// Greatest excess over the limits of input and change. The tilt's limits are soft: their excess is in the
+/// cost.
 fn excess(problem: &Problem, solution: &Solution) -> f64 {
     let mut previous = problem.previous_input;
     let mut excess = 0.0_f64;

@@ -11,11 +11,12 @@ use hopbench::simulation::fly;
 
 /// Greatest difference allowed, in the columns' own unit.
 ///
-/// The sweep takes the same grid point in both codes, so flow, port, thrust and chamber pressure carry round-off and
-/// the fit's solver only (normal equations in Chebyshev polynomials against numpy's singular values). Density of
-/// nitrous oxide and nitrogen come from tables good to 2e-8: 3e-7 kg of mass, 1e-9 m of centre of mass, 1e-6 m of
-/// height after 5 s at 14 m/s². P2 and valve area carry the tables' flux. Euler at 0.02 s makes a difference in slosh grow 1.029 times a
-/// step, 1300 times in 5 s: from 1e-10 m to 2e-7 m, of a spring of 190 N/m per kilogram and 1 kg.
+/// The sweep takes the same grid point in both codes, so flow, port, thrust and chamber pressure carry
+/// round-off and the fit's solver only (normal equations in Chebyshev polynomials against numpy's singular
+/// values). Density of nitrous oxide and nitrogen come from tables good to 2e-8: 3e-7 kg of mass, 1e-9 m of
+/// centre of mass, 1e-6 m of height after 5 s at 14 m/s². P2 and valve area carry the tables' flux. Euler at
+/// 0.02 s makes a difference in slosh grow 1.029 times a step, 1300 times in 5 s: from 1e-10 m to 2e-7 m, of
+/// a spring of 190 N/m per kilogram and 1 kg.
 const TOLERANCES: [(f64, &[&str]); 14] = [
     (1e-9, &["time_s"]),
     (2e-6, &["north_m", "east_m", "down_m"]),

@@ -80,7 +80,8 @@ fn regression_under_a_throttled_flow() {
         }
     }
     println!("regression: radius {radius:.1e} m, fuel flow {flow:.1e}, fuel left {mass:.1e} kg");
-    // RK4 at 1 ms on a rate that turns at 4 rad/s: (4e-3)⁴/120 of 1 mm/s is 2e-15 m/s, over 20 s; DOP853 to 1e-12.
+    // RK4 at 1 ms on a rate that turns at 4 rad/s: (4e-3)⁴/120 of 1 mm/s is 2e-15 m/s, over 20 s; DOP853 to
+    // 1e-12.
     assert!(radius < 1e-12 && flow < 1e-13 && mass < 1e-13, "{radius:e} {flow:e} {mass:e}");
 }
 

@@ -1,5 +1,5 @@
-//! Reference: sloshing modes against a Ritz solution of the linear problem, and motion on the nonlinear spring against
-//! DOP853 (tools/reference/make_slosh_reference.py; tool versions in the data file).
+//! Reference: sloshing modes against a Ritz solution of the linear problem, and motion on the nonlinear
+//! spring against DOP853 (tools/reference/make_slosh_reference.py; tool versions in the data file).
 
 #![allow(clippy::disallowed_macros)] // it prints what was achieved
 
@@ -19,8 +19,9 @@ fn number(text: &str) -> f64 {
     text.parse().unwrap()
 }
 
-// The Ritz numbers hold 13 digits (more polynomials move the last ones of the deepest tank) of lengths and shares of
-// order one; stations of shallow tanks, differences of such numbers, as many after the point. Achieved: 1.1e-13.
+// The Ritz numbers hold 13 digits (more polynomials move the last ones of the deepest tank) of lengths and
+// shares of order one; stations of shallow tanks, differences of such numbers, as many after the point.
+// Achieved: 1.1e-13.
 #[test]
 fn frequency_mass_and_station_are_those_of_potential_flow() {
     let mut slosh = reference_vehicle().slosh;
@@ -99,8 +100,9 @@ fn deviation(case: &str, steps_a_second: u32) -> f64 {
     worst
 }
 
-// RK4's error per radian is (ω dt)⁴/120: 5e-10 at 15 rad/s and 1 ms, over 150 rad and 0.09 m 6e-9 m at the plant's
-// step; and half the step divides the error by sixteen. Achieved: 3.5e-9 m planar, undamped; 2e-10 m with a baffle.
+// RK4's error per radian is (ω dt)⁴/120: 5e-10 at 15 rad/s and 1 ms, over 150 rad and 0.09 m 6e-9 m at the
+// plant's step; and half the step divides the error by sixteen. Achieved: 3.5e-9 m planar, undamped; 2e-10 m
+// with a baffle.
 #[test]
 fn motion_on_the_spring_agrees_with_dop853() {
     let limit_m = 1e-8;

@@ -40,9 +40,9 @@ fn composite(vehicle: &Vehicle, nitrous_kg: f64, in_tank_kg: f64, in_bottle_kg: 
 }
 
 /// The published parts, summed with the parallel-axis theorem, give 25.60, 25.60, 3.82 kg m² full and 24.31,
-/// 24.32, 3.75 after 7.6 kg of N2O. Three of their parts are not what the plant has: an engine whose grain adds
-/// 0.20 and 0.01 kg m² to it, liquid of 0.15 m radius, and 5 kg of nitrogen all in the bottle, with 0.08 and 0.
-/// With these put in place of ours the figures meet.
+/// 24.32, 3.75 after 7.6 kg of N2O. Three of their parts are not what the plant has: an engine whose grain
+/// adds 0.20 and 0.01 kg m² to it, liquid of 0.15 m radius, and 5 kg of nitrogen all in the bottle, with 0.08
+/// and 0. With these put in place of ours the figures meet.
 #[test]
 fn the_gt_composite_is_that_of_the_published_parts() {
     let vehicle = gt();

@@ -1,9 +1,9 @@
 //! What this machine can do at all, measured beside a run: a bare sleep and a bare echo.
 //!
-//! The sleep wakes at the plant's step on absolute deadlines and does nothing else; the echo sends a datagram of
-//! the size of HIL_SENSOR over the loopback to a thread that sends back one of the size of HIL_ACTUATOR_CONTROLS.
-//! The sleeper and the sending end have the class and the CPU of the thread that starts them, the answering end is
-//! ordinary, as a flight controller on this machine would be.
+//! The sleep wakes at the plant's step on absolute deadlines and does nothing else; the echo sends a datagram
+//! of the size of HIL_SENSOR over the loopback to a thread that sends back one of the size of
+//! HIL_ACTUATOR_CONTROLS. The sleeper and the sending end have the class and the CPU of the thread that
+//! starts them, the answering end is ordinary, as a flight controller on this machine would be.
 
 use std::io;
 use std::net::UdpSocket;

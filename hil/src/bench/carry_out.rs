@@ -105,7 +105,7 @@ pub(super) fn set_parameter(run: &mut Run, parameter: &Parameter, value: f64) ->
             carry_out(run, Request::Break(vec![Fault { value, ..Fault::new(row.component, row.mode) }]))
         }
         What::WindNorth | What::WindEast | What::ThrustBias | What::Misalignment(_) | What::Force(_) => {
-            let mut now = *run.flight.interference();
+            let mut now = *run.flight.bench_disturbance();
             match *what {
                 What::WindNorth => now.wind_ned_m_s.x = value,
                 What::WindEast => now.wind_ned_m_s.y = value,
@@ -113,7 +113,7 @@ pub(super) fn set_parameter(run: &mut Run, parameter: &Parameter, value: f64) ->
                 What::Force(axis) => now.disturbance.force_body_n[axis] = value,
                 _ => now.disturbance.thrust_bias = value,
             }
-            run.flight.interfere(now);
+            run.flight.set_bench_disturbance(now);
             modified(run, &format!("{name} {value}"));
             Ok(())
         }
@@ -124,7 +124,8 @@ pub(super) fn set_parameter(run: &mut Run, parameter: &Parameter, value: f64) ->
 fn is_in_force(run: &Run, what: &What, value: f64) -> bool {
     match what {
         What::Step | What::Reset => false,
-        // 0 is said both of one that does not act and of one that acts with 0; an ended flight answers for itself.
+        // 0 is said both of one that does not act and of one that acts with 0; an ended flight answers for
+        // itself.
         What::Fault(_) if value == 0.0 || run.is_over() => false,
         _ => value == value_in_force(run, what),
     }
@@ -132,18 +133,18 @@ fn is_in_force(run: &Run, what: &What, value: f64) -> bool {
 
 /// Value in force of what a parameter sets.
 pub(super) fn value_in_force(run: &Run, what: &What) -> f64 {
-    let interference = run.flight.interference();
+    let bench_disturbance = run.flight.bench_disturbance();
     match what {
         What::Speed => run.clock.speed(),
         What::Pause => f64::from(u8::from(run.timeline.is_paused())),
         What::Step => run.timeline.steps() as f64,
         What::Reset => f64::from(u8::from(run.timeline.has_next_flight())),
         What::Seed => f64::from(run.timeline.next_seed().unwrap_or_else(|| run.flight.seed())),
-        What::WindNorth => interference.wind_ned_m_s.x,
-        What::WindEast => interference.wind_ned_m_s.y,
-        What::ThrustBias => interference.disturbance.thrust_bias,
-        What::Misalignment(axis) => interference.disturbance.misalignment_rad[*axis],
-        What::Force(axis) => interference.disturbance.force_body_n[*axis],
+        What::WindNorth => bench_disturbance.wind_ned_m_s.x,
+        What::WindEast => bench_disturbance.wind_ned_m_s.y,
+        What::ThrustBias => bench_disturbance.disturbance.thrust_bias,
+        What::Misalignment(axis) => bench_disturbance.disturbance.misalignment_rad[*axis],
+        What::Force(axis) => bench_disturbance.disturbance.force_body_n[*axis],
         What::Fault(Row { component, mode, value, .. }) => run
             .flight
             .faults()

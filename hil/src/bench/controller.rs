@@ -9,7 +9,8 @@ use crate::bench::pace::now_ns;
 use crate::wire::disruption::Sample;
 use crate::wire::request::{ControlsInput, Status};
 
-/// A controller's clock that goes back by more than this has been set anew; by less, the frame is an old one (us).
+/// A controller's clock that goes back by more than this has been set anew; by less, the frame is an old one
+/// (us).
 const REORDERED_US: u64 = 1_000_000;
 
 /// What is known of the other end.
@@ -48,7 +49,8 @@ pub(super) struct FlightController {
     rejected: u64,
     /// Frames that came again or too late, or belong to the flight before.
     old: u64,
-    /// Its profile, or what it says of itself, makes it a board whose outputs may be live: it must be in the loop.
+    /// Its profile, or what it says of itself, makes it a board whose outputs may be live: it must be in the
+    /// loop.
     may_be_live: bool,
     /// When its silence is named next, while it lasts (ns).
     next_silence_ns: Option<u64>,
@@ -117,9 +119,9 @@ impl FlightController {
 
     /// Its HEARTBEAT. `is_told`: the bench's services are open to it.
     pub(super) fn take_status(&mut self, status: Status, is_told: bool) {
-        // A PX4 on a board keeps its outputs live until it is told otherwise, whatever the link; in software it has
-        // none. Out of the loop it sends no HIL_ACTUATOR_CONTROLS: after the first a stray frame does not stop the
-        // flight.
+        // A PX4 on a board keeps its outputs live until it is told otherwise, whatever the link; in software
+        // it has none. Out of the loop it sends no HIL_ACTUATOR_CONTROLS: after the first a stray frame does
+        // not stop the flight.
         self.may_be_live |= is_told && status.is_px4 && self.first.is_none();
         self.left_the_loop = self.may_be_live && !status.in_the_loop;
         self.heartbeat = Some(status.in_the_loop);
@@ -229,8 +231,8 @@ impl FlightController {
         self.awaited = sample;
     }
 
-    /// What a bad wire has delivered or lost by now: its newest sample. Nobody answers one that a newer one has
-    /// overtaken.
+    /// What a bad wire has delivered or lost by now: its newest sample. Nobody answers one that a newer one
+    /// has overtaken.
     pub(super) fn await_answer_to_delivered(&mut self, delivered: Option<Sample>) {
         self.awaited = delivered.filter(|sample| sample.time_us > self.newest_us);
         if let Some(Sample { time_us, lost: false }) = self.awaited {
@@ -238,8 +240,8 @@ impl FlightController {
         }
     }
 
-    /// An answer to a sample, 0: to any. In lockstep a controller that repeats itself is as silent as one that
-    /// says nothing.
+    /// An answer to a sample, 0: to any. In lockstep a controller that repeats itself is as silent as one
+    /// that says nothing.
     pub(super) fn take_answer(&mut self, answer: Sample) {
         let awaited = self.awaited.as_mut();
         if let Some(awaited) = awaited.filter(|a| answer.time_us == 0 || answer.time_us == a.time_us) {
@@ -281,8 +283,8 @@ impl FlightController {
         self.patience(sample_interval).saturating_sub(self.waited)
     }
 
-    /// Whether controls have been overtaken or have come before: a wire may reorder and repeat. Without a time the
-    /// counter alone tells a repetition.
+    /// Whether controls have been overtaken or have come before: a wire may reorder and repeat. Without a
+    /// time the counter alone tells a repetition.
     pub(super) fn is_old(&self, controls: &ControlsInput) -> bool {
         let ControlsInput { time_us, sequence, .. } = *controls;
         match self.last {
@@ -303,8 +305,8 @@ impl FlightController {
         now_ns().saturating_sub(self.heard_ns) > self.timeout.as_nanos() as u64 / 2
     }
 
-    /// Silence after which it counts as lost: whoever replaces it commands on the next sample, and that is within the
-    /// timeout.
+    /// Silence after which it counts as lost: whoever replaces it commands on the next sample, and that is
+    /// within the timeout.
     fn patience(&self, sample_interval: SimTime) -> Duration {
         self.timeout.saturating_sub(Duration::from_micros(sample_interval.us())).max(self.timeout / 2)
     }
@@ -316,8 +318,8 @@ impl FlightController {
             let silent = run.sampled.since(self.heard);
             return self.waited >= patience || Duration::from_micros(silent.us()) >= patience;
         }
-        // A bench that catches up runs faster than the controller can: both clocks must agree, the wall clock at the
-        // speed that was asked for.
+        // A bench that catches up runs faster than the controller can: both clocks must agree, the wall clock
+        // at the speed that was asked for.
         let silent = Duration::from_micros(run.now.since(self.heard).us());
         let by_the_wall = Duration::from_nanos(now_ns().saturating_sub(self.heard_ns));
         silent >= patience && by_the_wall >= patience.div_f64(run.speed.max(1.0))
@@ -336,8 +338,8 @@ impl FlightController {
         }
     }
 
-    /// On the pad or after the flight its silence is named at once and every second: what of it, if it is time, and
-    /// whether the silence begins.
+    /// On the pad or after the flight its silence is named at once and every second: what of it, if it is
+    /// time, and whether the silence begins.
     pub(super) fn name_silence(&mut self) -> Option<(String, bool)> {
         let now_ns = now_ns();
         let begins = self.next_silence_ns.is_none();

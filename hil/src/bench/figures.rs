@@ -1,4 +1,5 @@
-//! Figures of a run: what steps cost, round trips, silences; the report says of timing what follows from them.
+//! Figures of a run: what steps cost, round trips, silences; the report says of timing what follows from
+//! them.
 
 use hopbench::simulation::report::{LinkReport, Timing};
 

@@ -1,9 +1,11 @@
-//! The ground station's link: telemetry of the true vehicle, answers, and the flight controller's traffic both ways.
+//! The ground station's link: telemetry of the true vehicle, answers, and the flight controller's traffic
+//! both ways.
 //!
-//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins with
-//! SIMULATED, so that nobody takes it for the flight controller or for a real vehicle. The controller's frames pass
-//! as they came, byte for byte, unknown and signed ones too; messages of the simulation loop (HIL_*) never pass, in
-//! either direction. Telemetry is for people: it follows the wall clock, and goes on while simulated time stands.
+//! The bench speaks here as system 250, a rocket in simulation that is no autopilot, and every text begins
+//! with SIMULATED, so that nobody takes it for the flight controller or for a real vehicle. The controller's
+//! frames pass as they came, byte for byte, unknown and signed ones too; messages of the simulation loop
+//! (HIL_*) never pass, in either direction. Telemetry is for people: it follows the wall clock, and goes on
+//! while simulated time stands.
 
 use std::collections::VecDeque;
 
@@ -35,8 +37,8 @@ const DATAGRAM_BYTES: usize = 1200;
 /// Share of a serial line that is used.
 const SHARE: f64 = 0.9;
 
-/// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come last: they
-/// need the most room.
+/// Telemetry, how often it comes by default (us), and its frame on the wire (byte). The plant's floats come
+/// last: they need the most room.
 const TELEMETRY: [(u32, u64, usize); 6] = [
     (id::ATTITUDE_QUATERNION, 100_000, frame_bytes::ATTITUDE_QUATERNION),
     (id::LOCAL_POSITION_NED, 100_000, frame_bytes::LOCAL_POSITION_NED),
@@ -189,7 +191,8 @@ impl Ground {
         asked + frame_bytes::HEARTBEAT as f64
     }
 
-    /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's floats.
+    /// Sends what is due and fits: heartbeat, answers, telemetry, the flight controller's frames, the plant's
+    /// floats.
     pub(super) fn speak<'a>(
         &mut self,
         now_ns: u64,

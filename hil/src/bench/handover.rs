@@ -1,4 +1,5 @@
-//! What a hand-over does to the vehicle: its motion before and after, the step in its commands, the silence in between.
+//! What a hand-over does to the vehicle: its motion before and after, the step in its commands, the silence
+//! in between.
 
 use hopbench::frame::{Vec3, tilt_rad};
 use hopbench::plant::Snapshot;

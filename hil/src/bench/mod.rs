@@ -239,8 +239,8 @@ impl<'a> Bench<'a> {
         self.run.clock.resume_at(now_us, now_us);
     }
 
-    /// Until the next step is due. While an answer may come the wait is on the link: its arrival is timed, not the step
-    /// that finds it there. What it commands holds from the next step on either way.
+    /// Until the next step is due. While an answer may come the wait is on the link: its arrival is timed,
+    /// not the step that finds it there. What it commands holds from the next step on either way.
     fn listen_until_next_step(&mut self) {
         /// The last stretch belongs to the clock alone.
         const GUARD_NS: u64 = 100_000;
@@ -410,8 +410,8 @@ impl<'a> Bench<'a> {
 
     // ------------------------------------------------------------------------------------ services, verdicts
 
-    /// Hears the ground station, tells what happened, and puts out what waits, as far as the wires have room. After
-    /// the samples of an instant, which go first.
+    /// Hears the ground station, tells what happened, and puts out what waits, as far as the wires have room.
+    /// After the samples of an instant, which go first.
     fn serve(&mut self) {
         self.hear_ground();
         self.tell_events();

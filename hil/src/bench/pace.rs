@@ -1,7 +1,7 @@
 //! The clock of a run: when the next step may happen, how late it was, what it cost.
 //!
-//! Real time means absolute deadlines on the monotonic clock, so that a late wake-up does not shift the
-//! ones after it. A run that is late catches up without skipping simulated time, or says by how much time slipped.
+//! Real time means absolute deadlines on the monotonic clock, so that a late wake-up does not shift the ones
+//! after it. A run that is late catches up without skipping simulated time, or says by how much time slipped.
 
 use hdrhistogram::Histogram;
 use hopbench::simulation::report::{Overrun, Percentiles};
@@ -26,7 +26,8 @@ pub fn sleep_until_ns(deadline_ns: u64) {
 
 /// A run that is behind by no more than this catches up; beyond it lets time slip.
 const CATCH_UP_NS: u64 = 50_000_000;
-/// A run that is behind and has not slept for so long rests, lest a real-time thread starves everybody else on its CPU.
+/// A run that is behind and has not slept for so long rests, lest a real-time thread starves everybody else
+/// on its CPU.
 const BURST_NS: u64 = 10_000_000;
 const REST_NS: u64 = 1_000_000;
 /// Late spells that are kept one by one: the worst.
@@ -34,10 +35,10 @@ const WORST: usize = 16;
 
 /// Simulated time anchored to the monotonic clock.
 ///
-/// A step that begins more than a step late is an overrun, and every overrun is counted. Behind by up to 50 ms the
-/// run catches up: no sample is left out, they leave late. Beyond that time slips: the present becomes due now, and
-/// the length of the slip is kept. So the wall time of a run is its simulated time, its slips and what it is late
-/// by at its end.
+/// A step that begins more than a step late is an overrun, and every overrun is counted. Behind by up to 50
+/// ms the run catches up: no sample is left out, they leave late. Beyond that time slips: the present becomes
+/// due now, and the length of the slip is kept. So the wall time of a run is its simulated time, its slips
+/// and what it is late by at its end.
 #[derive(Debug)]
 pub struct RealTime {
     origin_ns: u64,

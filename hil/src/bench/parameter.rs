@@ -1,8 +1,9 @@
-//! The bench's parameters, as the MAVLink parameter protocol lists them: the run, the plant, and one for each fault.
+//! The bench's parameters, as the MAVLink parameter protocol lists them: the run, the plant, and one for each
+//! fault.
 //!
-//! All are 32-bit floats. A fault's name follows from the catalogue, `F_` + three letters of its component + `_` +
-//! up to ten of its mode; 0 means that it does not act, another number is its value, and one that takes no value is
-//! 1.
+//! All are 32-bit floats. A fault's name follows from the catalogue, `F_` + three letters of its component +
+//! `_` + up to ten of its mode; 0 means that it does not act, another number is its value, and one that takes
+//! no value is 1.
 
 use hopbench::fault::{Component, Row, catalogue};
 

@@ -1,8 +1,8 @@
 //! The built-in autopilot as a MAVLink flight controller: HIL messages in, HIL_ACTUATOR_CONTROLS out.
 //!
 //! It speaks through the same codec and links as any other controller and knows no more than they do. Told to
-//! boot anew it forgets everything, is silent for as long as that takes, and begins disarmed; samples that the
-//! wire repeats or delivers out of order are left alone.
+//! boot anew it forgets everything, is silent for as long as that takes, and begins disarmed; samples that
+//! the wire repeats or delivers out of order are left alone.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

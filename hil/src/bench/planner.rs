@@ -39,8 +39,9 @@ impl Planner {
         Ok(Self { orders, answers, ordered: None, stale: false })
     }
 
-    /// Before an update at `now`: hands over what is ready. A plan that is due is waited for until the wall clock
-    /// has gone through its time too: not at all in real time, up to that when simulated time runs ahead.
+    /// Before an update at `now`: hands over what is ready. A plan that is due is waited for until the wall
+    /// clock has gone through its time too: not at all in real time, up to that when simulated time runs
+    /// ahead.
     pub fn deliver(&mut self, autopilot: &mut Autopilot, now: SimTime) {
         if let Some(ordered) = self.ordered {
             let patience = Duration::from_secs_f64(LATENCY_S).saturating_sub(ordered.elapsed());
@@ -69,7 +70,8 @@ impl Planner {
         self.stale = self.ordered.is_some();
     }
 
-    /// After an update: takes what was ordered. While one is being solved the next waits; it would be late anyway.
+    /// After an update: takes what was ordered. While one is being solved the next waits; it would be late
+    /// anyway.
     pub fn take(&mut self, autopilot: &mut Autopilot) {
         if self.ordered.is_none()
             && let Some(order) = autopilot.take_order()

@@ -1,10 +1,10 @@
 //! What the stepping thread asks of the kernel so that it wakes on time, and what it was given.
 //!
-//! Asked for: the real-time class SCHED_FIFO, memory that is never paged out, one CPU where there are more than
-//! two, timers without slack. Each may be refused; then the run goes on without it, and its certificate says so,
-//! why, and what would allow it. A thread inherits all of this from the one that starts it, so whatever is started
-//! beside the loop goes through [`spawn_ordinary`]. Sources: sched(7), mlock(2), cpuset(7),
-//! PR_SET_TIMERSLACK(2const).
+//! Asked for: the real-time class SCHED_FIFO, memory that is never paged out, one CPU where there are more
+//! than two, timers without slack. Each may be refused; then the run goes on without it, and its certificate
+//! says so, why, and what would allow it. A thread inherits all of this from the one that starts it, so
+//! whatever is started beside the loop goes through [`spawn_ordinary`]. Sources: sched(7), mlock(2),
+//! cpuset(7), PR_SET_TIMERSLACK(2const).
 
 use std::io;
 use std::num::NonZeroU64;
@@ -23,7 +23,8 @@ use thread_priority::unix::{
 };
 use thread_priority::{Error, ThreadPriority, ThreadPriorityValue};
 
-/// Above everything but the kernel's own threads that a run depends on: interrupts stand at 50, watchdogs at 99.
+/// Above everything but the kernel's own threads that a run depends on: interrupts stand at 50, watchdogs at
+/// 99.
 const PRIORITY: u8 = 80;
 /// CPUs from which on one may be taken for the loop alone.
 const CPUS_TO_PIN: u32 = 3;
@@ -37,8 +38,8 @@ pub(crate) struct Privileges {
 }
 
 impl Privileges {
-    /// Asks for everything, for the calling thread. `cpu`: pins it there; `None`: to an isolated CPU or the last one,
-    /// where there are more than two.
+    /// Asks for everything, for the calling thread. `cpu`: pins it there; `None`: to an isolated CPU or the
+    /// last one, where there are more than two.
     pub(crate) fn acquire(cpu: Option<usize>) -> Self {
         let mut notes = Vec::new();
         let priority = take(&mut notes, raise());
@@ -87,8 +88,8 @@ pub(crate) fn spawn_ordinary(name: &str, run: impl FnOnce() + Send + 'static) ->
     })
 }
 
-/// The calling thread in the ordinary class, on any CPU, with the usual slack. What may always be given up is never
-/// refused.
+/// The calling thread in the ordinary class, on any CPU, with the usual slack. What may always be given up is
+/// never refused.
 fn step_down() {
     let nice = getpriority_process(None);
     let ordinary = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);
@@ -125,7 +126,8 @@ fn raise() -> Result<u8, String> {
     )
 }
 
-/// Locks what there is and what will come. Under a limit a later allocation would be refused, and the program with it.
+/// Locks what there is and what will come. Under a limit a later allocation would be refused, and the program
+/// with it.
 fn lock_memory() -> Result<(), String> {
     let limit = getrlimit(Resource::Memlock).current;
     let capable = capabilities(None).is_ok_and(|held| held.effective.contains(CapabilitySet::IPC_LOCK));

@@ -1,7 +1,7 @@
 //! One run: the flight, its clock, and who flies it.
 //!
-//! The built-in autopilot has shadowed measurements and commands, so it takes over from the motion under way and
-//! from the command in force. It keeps the controls until somebody asks for them to be given back.
+//! The built-in autopilot has shadowed measurements and commands, so it takes over from the motion under way
+//! and from the command in force. It keeps the controls until somebody asks for them to be given back.
 
 use std::time::Duration;
 
@@ -137,8 +137,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Controls of the flight controller, obeyed while it flies. `is_fed`: it gets more than heartbeats. Whether they
-    /// count.
+    /// Controls of the flight controller, obeyed while it flies. `is_fed`: it gets more than heartbeats.
+    /// Whether they count.
     pub(super) fn take_controls(&mut self, controls: &ControlsInput, is_fed: bool) -> bool {
         if self.controller.is_old(controls) {
             self.controller.count_old();

@@ -1,6 +1,7 @@
 //! Services: answers every inquiry of a flight controller or a ground station, and truthfully.
 //!
-//! A request or a parameter is carried out by [`super::carry_out`], and what became of it is queued as replies, which leave after the samples of an instant, as far as the wire has room.
+//! A request or a parameter is carried out by [`super::carry_out`], and what became of it is queued as
+//! replies, which leave after the samples of an instant, as far as the wire has room.
 
 use std::collections::VecDeque;
 
@@ -197,8 +198,8 @@ impl Services {
         has_room
     }
 
-    /// Puts out what waits for the flight controller, as far as its wire has room; frames of the ground station
-    /// among it.
+    /// Puts out what waits for the flight controller, as far as its wire has room; frames of the ground
+    /// station among it.
     pub(super) fn put_out(&mut self, now_ns: u64, run: &Run, wire: &mut FcLink) -> u64 {
         let (parameters, mut forwarded) = (&self.parameters, 0);
         while self.budget.is_open(now_ns)

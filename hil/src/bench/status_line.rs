@@ -1,4 +1,5 @@
-//! The words for a person: that nobody has come yet, then the line of where the run is. `live.rs` prints them.
+//! The words for a person: that nobody has come yet, then the line of where the run is. `live.rs` prints
+//! them.
 
 use hopbench::event::Phase;
 use hopbench::signal::{ActuatorCommand, Throttle};

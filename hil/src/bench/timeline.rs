@@ -1,4 +1,5 @@
-//! Time of a run: where it stands, what has been asked of it, and its place on the wire, where it never goes back.
+//! Time of a run: where it stands, what has been asked of it, and its place on the wire, where it never goes
+//! back.
 
 use hopbench::simulation::Flight;
 use hopbench::time::SimTime;
@@ -112,8 +113,8 @@ impl Timeline {
         self.next_flight.take()
     }
 
-    /// A flight that lasted until `flown` is over. A sample's place on the wire passes: the mark of the new one
-    /// takes it.
+    /// A flight that lasted until `flown` is over. A sample's place on the wire passes: the mark of the new
+    /// one takes it.
     pub(super) fn begin_again(&mut self, flown: SimTime) {
         self.offset = self.offset + flown + self.sample_interval.max(LEAST_MARK);
         self.steps = 0;

@@ -26,7 +26,8 @@ pub struct Args {
     /// Scenario whose vehicle, site and mission it is told
     #[arg(long, value_name = "FILE", default_value = "scenarios/hop_50m.toml")]
     pub scenario: PathBuf,
-    /// Profile that the plant was started with: it fixes the throttle's meaning and the delay of satellite navigation
+    /// Profile that the plant was started with: it fixes the throttle's meaning and the delay of satellite
+    /// navigation
     #[arg(long, value_name = "PROFILE", default_value = "generic", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
     pub profile: String,
 }

@@ -46,8 +46,9 @@ pub struct Args {
     pub variant: Option<String>,
 }
 
-/// Runs the command. A campaign that was interrupted goes on where it stopped when it gets the same --out. Whether it
-/// passed, and with it the exit code, follows from the rate met; whether that proves anything is said beside it.
+/// Runs the command. A campaign that was interrupted goes on where it stopped when it gets the same --out.
+/// Whether it passed, and with it the exit code, follows from the rate met; whether that proves anything is
+/// said beside it.
 pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     let campaign = open(args, common)?;
     if let Some(seed) = args.only {
@@ -96,7 +97,8 @@ fn open(args: &Args, common: &Common) -> Result<Campaign, InputError> {
     Ok(campaign)
 }
 
-/// The folder of the campaign with all its flights: those it had, and those flown now, or merged from other folders.
+/// The folder of the campaign with all its flights: those it had, and those flown now, or merged from other
+/// folders.
 fn collect(
     campaign: &Campaign,
     slots: &[Slot],

@@ -91,7 +91,8 @@ fn explain(file: &Path, kind: FileKind, key: &str, common: &Common) -> Result<()
     if common.json { print_json(&json!({ "key": key, "text": text })) } else { print_text(&(text + "\n")) }
 }
 
-/// Checks all that a file would be refused for before its first step; the vehicle that it is, or that it flies.
+/// Checks all that a file would be refused for before its first step; the vehicle that it is, or that it
+/// flies.
 fn checked(file: &Path, kind: FileKind, common: &Common) -> Result<Vehicle> {
     match kind {
         FileKind::Vehicle => Ok(load::vehicle(file, &common.set)?),

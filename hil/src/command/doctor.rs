@@ -15,8 +15,8 @@ use crate::wire::link::{Link, LinkSpec};
 use crate::wire::port;
 use crate::wire::profile::{self, SensorRates};
 
-/// Say what is wrong with this machine and this link, and what to do. Never arms anything. Exit 0: nothing worse
-/// than a warning; 3: an error was found; 2: wrong arguments
+/// Say what is wrong with this machine and this link, and what to do. Never arms anything. Exit 0: nothing
+/// worse than a warning; 3: an error was found; 2: wrong arguments
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Listen on this link: serial:PATH:BAUD, udp:HOST:PORT, udp-listen:HOST:PORT, tcp:HOST:PORT or

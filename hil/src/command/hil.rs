@@ -38,8 +38,8 @@ pub struct Args {
     /// What the flight controller expects; by default what fits the link
     #[arg(long, value_name = "PROFILE", value_parser = ["px4-sitl", "px4-hitl", "generic"])]
     pub profile: Option<String>,
-    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both ways; a
-    /// link as for --fc
+    /// Ground station: telemetry of the true vehicle, requests, and the flight controller's traffic both
+    /// ways; a link as for --fc
     #[arg(long, value_name = "LINK")]
     pub gcs: Option<LinkSpec>,
     /// After a flight wait for a reset and fly again, until Ctrl-C
@@ -63,14 +63,15 @@ pub struct Args {
     /// Do not ask the kernel for SCHED_FIFO, locked memory and a CPU
     #[arg(long, conflicts_with = "cpu")]
     pub no_realtime_priority: bool,
-    /// CPU for the thread that steps the plant; by default an isolated one or the last, where there are more than two
+    /// CPU for the thread that steps the plant; by default an isolated one or the last, where there are more
+    /// than two
     #[arg(long, value_name = "N")]
     pub cpu: Option<usize>,
     /// Measure a bare sleep and a bare echo beside the run
     #[arg(long)]
     pub references: bool,
-    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real board
-    /// may fire real outputs
+    /// I have disconnected the igniter and the oxidiser; a serial link and px4-hitl ask for it, since a real
+    /// board may fire real outputs
     #[arg(long)]
     pub igniter_disconnected: bool,
     /// Write the addresses in use to this file, as JSON, once the bench listens
@@ -211,7 +212,8 @@ fn announce(
     Ok(())
 }
 
-/// What the stepping thread, this one, has of the kernel, and what is measured beside the run to compare it with.
+/// What the stepping thread, this one, has of the kernel, and what is measured beside the run to compare it
+/// with.
 struct Scheduling {
     /// Nothing is asked for where no clock is followed.
     privileges: Option<Privileges>,

@@ -22,15 +22,15 @@ pub struct Common {
     /// Print one JSON object on stdout; everything else goes to stderr
     #[arg(long, global = true)]
     pub json: bool,
-    /// Seed of every random stream; replaces the scenario's. Of a campaign the seed of its first flight, the next
-    /// one's is one more
+    /// Seed of every random stream; replaces the scenario's. Of a campaign the seed of its first flight, the
+    /// next one's is one more
     #[arg(long, global = true, value_name = "N")]
     pub seed: Option<u32>,
     /// Folder that receives the run
     #[arg(long, global = true, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace one value: dotted path in the scenario file, or `vehicle.` and the dotted path in the vehicle file;
-    /// VALUE is TOML
+    /// Replace one value: dotted path in the scenario file, or `vehicle.` and the dotted path in the vehicle
+    /// file; VALUE is TOML
     #[arg(long, global = true, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }

@@ -1,7 +1,7 @@
 //! Every finding: how bad it is, its name, what is seen, why it happens, what to do.
 //!
-//! One list, read top to bottom; each function is an entry with the name of its finding, its arguments are what was
-//! observed. A new finding is one more entry here, and one line where it is judged.
+//! One list, read top to bottom; each function is an entry with the name of its finding, its arguments are
+//! what was observed. A new finding is one more entry here, and one line where it is judged.
 
 use super::channel::MappedChannel;
 use super::finding::Finding;

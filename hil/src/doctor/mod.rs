@@ -1,8 +1,8 @@
 //! What is wrong with this bench: looks at the machine, listens on a link, and names causes.
 //!
 //! Looking and judging are apart. [`machine::inspect`] and [`listen::listen`] gather a [`Machine`] and an
-//! [`Observation`]; [`diagnose_machine`] and [`diagnose`] are pure functions of those. Every [`Finding`] says what is
-//! seen, why it happens and what to do; `catalog` has them all.
+//! [`Observation`]; [`diagnose_machine`] and [`diagnose`] are pure functions of those. Every [`Finding`] says
+//! what is seen, why it happens and what to do; `catalog` has them all.
 
 mod finding;
 

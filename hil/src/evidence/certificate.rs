@@ -1,8 +1,9 @@
 //! The timing certificate: one page that a person can sign, made from a run's report.
 //!
-//! Each line has its figure, its budget and whether it is within. Budgets: a step of the plant for what has to
-//! happen in one; 100 us of lateness at 99 % (a tenth of the step at 1 kHz); 2 ms for a round trip at 99 %, a tenth
-//! of the period of a 50 Hz predictive controller; 70 % of a serial line, above which queues build up.
+//! Each line has its figure, its budget and whether it is within. Budgets: a step of the plant for what has
+//! to happen in one; 100 us of lateness at 99 % (a tenth of the step at 1 kHz); 2 ms for a round trip at 99
+//! %, a tenth of the period of a 50 Hz predictive controller; 70 % of a serial line, above which queues build
+//! up.
 
 use std::fmt::Write;
 

@@ -1,8 +1,8 @@
 //! Evidence: what a run leaves, and what is made of it.
 //!
-//! [`run_folder`] is where a run's files go, [`summary`] its report on the terminal, [`certificate`] its page on
-//! timing, [`throttle_map`] the engine's map as table and picture, [`valve_map`] how good the valve's table is,
-//! [`campaign`] many runs and their statistics.
+//! [`run_folder`] is where a run's files go, [`summary`] its report on the terminal, [`certificate`] its page
+//! on timing, [`throttle_map`] the engine's map as table and picture, [`valve_map`] how good the valve's
+//! table is, [`campaign`] many runs and their statistics.
 
 pub mod certificate;
 mod drawing;

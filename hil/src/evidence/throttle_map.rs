@@ -1,5 +1,5 @@
-//! The throttle map: what the lit, steady engine does with every thrust that can be asked of it, as a table and
-//! as a picture.
+//! The throttle map: what the lit, steady engine does with every thrust that can be asked of it, as a table
+//! and as a picture.
 //!
 //! A demand is turned into a valve angle and that into flow, pressures and thrust, the way the plant's engine
 //! controller and the plant do it. Nothing is extrapolated: a demand beyond the greatest oxidiser flow or the
@@ -158,7 +158,8 @@ impl ThrottleMap {
         }
     }
 
-    /// The table as comma-separated values, columns as the keys of a point; a field is empty where a key is null.
+    /// The table as comma-separated values, columns as the keys of a point; a field is empty where a key is
+    /// null.
     pub fn csv(&self) -> String {
         let mut text = "throttle_percent,thrust_command_n,valve_deg,valve_area_m2,oxidizer_kg_s,fuel_kg_s,\
              of_ratio,chamber_pa,injector_inlet_pa,quality,thrust_n,isp_s,saturated,\

@@ -30,7 +30,8 @@ pub struct Airframe {
 /// The airframe of a vehicle that is to fly a hop.
 ///
 /// # Errors
-/// When PX4 cannot serve the vehicle's map of channels, cannot steer the vehicle, or the propellant is too little.
+/// When PX4 cannot serve the vehicle's map of channels, cannot steer the vehicle, or the propellant is too
+/// little.
 pub fn airframe(vehicle: &Vehicle, hop: &Hop) -> Result<Airframe, Invalid> {
     let outputs = allocation::outputs(&vehicle.controls)?;
     Lander::of(vehicle, &budget::full_contents(vehicle)).check_flyable()?;

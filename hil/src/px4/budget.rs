@@ -1,9 +1,10 @@
 //! Propellant of a hop flown by PX4, and the speeds that it allows.
 //!
-//! The hop is a list of legs whose durations follow from the limits that PX4 is given; over each the thrust is the
-//! weight, which is exact at constant speed and on average for speeds that rise and fall. The engine's own inverse
-//! gives the flows; port and mass are carried on. From lift-off to disarming nothing is left out, the rise of the
-//! flame and the decay of the throttle after contact included, so the budget errs toward more.
+//! The hop is a list of legs whose durations follow from the limits that PX4 is given; over each the thrust
+//! is the weight, which is exact at constant speed and on average for speeds that rise and fall. The engine's
+//! own inverse gives the flows; port and mass are carried on. From lift-off to disarming nothing is left out,
+//! the rise of the flame and the decay of the throttle after contact included, so the budget errs toward
+//! more.
 
 use hopbench::dynamics::mass::Contents;
 use hopbench::input::Invalid;
@@ -89,8 +90,8 @@ pub const RESERVE_FRACTION: f64 = 0.12;
 const SPEEDS_M_S: [[f64; 2]; 4] = [[2.0, 1.5], [2.5, 2.0], [3.0, 2.5], [4.0, 3.0]];
 /// Landing speed that flew (m/s): 0.6 of contact speed.
 const LAND_M_S: f64 = 0.6;
-/// PX4's own heights, 10 and 5 m, would sink the last 5 m at landing speed: 8 s of hover. The height is known to a
-/// metre or so: twice that remains slow.
+/// PX4's own heights, 10 and 5 m, would sink the last 5 m at landing speed: 8 s of hover. The height is known
+/// to a metre or so: twice that remains slow.
 const SLOW_FROM_M: f64 = 4.0;
 const LAND_FROM_M: f64 = 2.0;
 /// Limit of jerk that flew (m/s³).
@@ -234,8 +235,8 @@ fn budget_at_pace(vehicle: &Vehicle, hop: &Hop, pace: Pace) -> Budget {
             let condition = EngineCondition::burning(now.port_radius_m, throat_m, vehicle.site.pressure_pa);
             let weight_n = Lander::of(vehicle, &now).weight_n();
             let point = engine.inverse(&feed, weight_n, &condition, WarmStart::default()).point;
-            // What is asked for counts, there or not, past burn-through at the last radius: the shortage is then a
-            // number.
+            // What is asked for counts, there or not, past burn-through at the last radius: the shortage is
+            // then a number.
             nitrous_used_kg += point.oxidizer_kg_s * step_s;
             fuel_used_kg += point.fuel_kg_s * step_s;
             let fuel_left_kg = (grain.fuel_kg(now.port_radius_m) - point.fuel_kg_s * step_s).max(0.0);

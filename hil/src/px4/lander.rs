@@ -89,8 +89,8 @@ impl Lander {
         self.weight_n() / self.thrust_rated_n
     }
 
-    /// What one unit of each torque servo does at hover, about FRD x, y, z (rad/s²): thrust times lever times the
-    /// sine of the gimbal's limit over the inertia, and the thruster pair's moment over the inertia.
+    /// What one unit of each torque servo does at hover, about FRD x, y, z (rad/s²): thrust times lever times
+    /// the sine of the gimbal's limit over the inertia, and the thruster pair's moment over the inertia.
     pub fn unit_effect_rad_s2(&self) -> [f64; 3] {
         let moment_n_m = self.weight_n() * self.lever_m * libm::sin(self.gimbal_limit_rad);
         let [xx, yy, zz] = self.inertia_kg_m2;

@@ -107,8 +107,8 @@ impl List {
     }
 }
 
-/// Thrusters that are motors: place beside the axis (m) and thrust coefficient, as flown. Their product is 0.5, so
-/// that a pair of opposed thrusters takes the whole torque setpoint.
+/// Thrusters that are motors: place beside the axis (m) and thrust coefficient, as flown. Their product is
+/// 0.5, so that a pair of opposed thrusters takes the whole torque setpoint.
 const THRUSTER_PLACE_M: f64 = 0.15;
 const THRUSTER_CT: f64 = 10.0 / 3.0;
 

@@ -1,17 +1,17 @@
 //! Gains from what a unit of command does, by bandwidths that flew.
 //!
-//! A stock PX4 v1.16.1 flew a 70 kg lander (687 N at hover, 8 deg of gimbal 0.9 m below the centre of mass, 25 kg m²:
-//! 3.4 rad/s² per unit) with a rate bandwidth, gain times effect, of 7 rad/s, and each outer loop 2.4 to 2.9 times
-//! slower than the next. Another lander gets the same bandwidths: its rate gain is 7 rad/s over its own effect. Servos
-//! too slow for 7 rad/s get less, and every lateral loop slows down with it.
+//! A stock PX4 v1.16.1 flew a 70 kg lander (687 N at hover, 8 deg of gimbal 0.9 m below the centre of mass,
+//! 25 kg m²: 3.4 rad/s² per unit) with a rate bandwidth, gain times effect, of 7 rad/s, and each outer loop
+//! 2.4 to 2.9 times slower than the next. Another lander gets the same bandwidths: its rate gain is 7 rad/s
+//! over its own effect. Servos too slow for 7 rad/s get less, and every lateral loop slows down with it.
 //!
-//! That plant's gimbal moved no mass. An engine that swings pushes the body the other way while it is turned: the
-//! moment on the vehicle is T l δ + (J + S l) δ'', with its inertia J about the pivot and its first moment S below
-//! it, so from sqrt(T l / (J + S l)) on, 12 rad/s for the reference vehicle, a gimbal works backward and ever
-//! stronger. A loop with a differential part then oscillates at 20 Hz. [`Tuning::of`] looks at the loop with this
-//! term, takes the gyro filter's cutoff down and the differential part out until it has a gain margin of 2, and
-//! only then bandwidth. Vertical gains are accelerations, which PX4 turns into thrust by the hover throttle: they
-//! hold for any mass. They flew with thrust lags of 0.15 and 0.35 s.
+//! That plant's gimbal moved no mass. An engine that swings pushes the body the other way while it is turned:
+//! the moment on the vehicle is T l δ + (J + S l) δ'', with its inertia J about the pivot and its first
+//! moment S below it, so from sqrt(T l / (J + S l)) on, 12 rad/s for the reference vehicle, a gimbal works
+//! backward and ever stronger. A loop with a differential part then oscillates at 20 Hz. [`Tuning::of`] looks
+//! at the loop with this term, takes the gyro filter's cutoff down and the differential part out until it has
+//! a gain margin of 2, and only then bandwidth. Vertical gains are accelerations, which PX4 turns into thrust
+//! by the hover throttle: they hold for any mass. They flew with thrust lags of 0.15 and 0.35 s.
 
 use std::f64::consts::TAU;
 
@@ -72,7 +72,8 @@ pub const RATE_BANDWIDTH_RAD_S: f64 = 7.0;
 const GAIN_MARGIN: f64 = 2.0;
 /// Cutoffs of the gyro filter (Hz), PX4's own first: it costs the least phase.
 const GYRO_CUTOFFS_HZ: [f64; 4] = [40.0, 20.0, 10.0, 5.0];
-/// Phase that servo and filters may cost at the bandwidth (rad): of 90 deg of an integrating plant, 60 deg remain.
+/// Phase that servo and filters may cost at the bandwidth (rad): of 90 deg of an integrating plant, 60 deg
+/// remain.
 const PHASE_COST_RAD: f64 = 0.52;
 /// Delay of controller and link: one period of 4 ms, and half of one for which a command holds (s).
 const CONTROLLER_DELAY_S: f64 = 0.006;
@@ -149,8 +150,8 @@ impl Tuning {
     }
 }
 
-/// The open rate loop about a lateral axis: integrator, differential part, gimbal servo, swinging engine, delay, gyro
-/// filter.
+/// The open rate loop about a lateral axis: integrator, differential part, gimbal servo, swinging engine,
+/// delay, gyro filter.
 #[derive(Clone, Copy, Debug)]
 struct RateLoop {
     bandwidth_rad_s: f64,
@@ -164,7 +165,8 @@ struct RateLoop {
 }
 
 impl RateLoop {
-    /// The fastest loop with the margins asked for: PX4's gyro filter and a differential part where they are allowed.
+    /// The fastest loop with the margins asked for: PX4's gyro filter and a differential part where they are
+    /// allowed.
     fn of(lander: &Lander) -> Self {
         let swing = &lander.swinging;
         let base = Self {

@@ -4,9 +4,9 @@
 //! Frames are lost, late, out of order, doubled or damaged as [`WireEffect`] says; bytes between frames pass
 //! unless nothing does. Lateness is simulated time: in real time that is the wall's, and in lockstep, where
 //! simulated time stands while the bench waits, a late frame holds nobody up. The bench then waits for the
-//! answer to the newest sample that the wire has delivered by now, and an answer has come when it reaches
-//! the wire, though what it says is obeyed only once it has passed. Of a loss the bench knows nothing: it waits in
-//! vain, as it would on a real line.
+//! answer to the newest sample that the wire has delivered by now, and an answer has come when it reaches the
+//! wire, though what it says is obeyed only once it has passed. Of a loss the bench knows nothing: it waits
+//! in vain, as it would on a real line.
 //!
 //! What happens to a frame is drawn from streams of the run's seed, six numbers a frame whatever is broken.
 //! Samples and their answers have streams of their own, since only their order repeats from run to run;

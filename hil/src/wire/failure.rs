@@ -11,10 +11,10 @@
 //! | servo | 1 gimbal x, 2 gimbal y | - | stuck | - | offset | slow | - | - | - |
 //! | mavlink signal | 1 to the flight controller, 2 from it | disconnect | - | corrupt | - | - | delay | drop | - |
 //!
-//! A dash, and every other unit, is MAV_RESULT_UNSUPPORTED. So is instance 0 where not all parts can fail in that
-//! way: a command that did half of what it says would be a lie. An instance beyond the parts is MAV_RESULT_DENIED.
-//! Type OK mends what acts in the parts, whoever broke it. The values are the catalogue's defaults; other values:
-//! by parameter.
+//! A dash, and every other unit, is MAV_RESULT_UNSUPPORTED. So is instance 0 where not all parts can fail in
+//! that way: a command that did half of what it says would be a lie. An instance beyond the parts is
+//! MAV_RESULT_DENIED. Type OK mends what acts in the parts, whoever broke it. The values are the catalogue's
+//! defaults; other values: by parameter.
 
 use hopbench::fault::{Component, Mode, row};
 

@@ -1,5 +1,5 @@
-//! The flight controller's end of the wire: bytes in become controls, status and inquiries, and what goes out passes a
-//! bad wire, if it is one.
+//! The flight controller's end of the wire: bytes in become controls, status and inquiries, and what goes out
+//! passes a bad wire, if it is one.
 
 use std::time::Instant;
 
@@ -124,7 +124,8 @@ impl<'a> FcLink<'a> {
         notices
     }
 
-    /// The next message that concerns the bench; `pass` sees every whole frame on the way, with its message number.
+    /// The next message that concerns the bench; `pass` sees every whole frame on the way, with its message
+    /// number.
     pub(crate) fn next_message(&mut self, mut pass: impl FnMut(u32, &[u8])) -> Option<FcMessage> {
         loop {
             let frame = self.decoder.next_frame_raw(&mut pass)?;
@@ -145,8 +146,9 @@ impl<'a> FcLink<'a> {
                     channels: controls.controls,
                 }))
             }
-            // Gimbals, cameras and ground stations have heartbeats too; the flight controller's is the one from
-            // whoever sends controls, and until then from the component that autopilots are by convention.
+            // Gimbals, cameras and ground stations have heartbeats too; the flight controller's is the one
+            // from whoever sends controls, and until then from the component that autopilots are by
+            // convention.
             FromFc::Heartbeat(beat) => {
                 let ours = match self.controller {
                     Some(known) => frame.sender == known,

@@ -2,8 +2,8 @@
 //!
 //! Bytes move in [`link`], mean something in [`mavlink`], and suffer in between what `disruption` says. What
 //! comes in is handed on as controls, status and `request`s, in words of no protocol. Which messages a flight
-//! controller is sent, and when, is data in [`profile`] and is put together in [`stream`]; acknowledgements and
-//! texts wait their turn in `reply`. [`port`] knows the serial ports of this machine.
+//! controller is sent, and when, is data in [`profile`] and is put together in [`stream`]; acknowledgements
+//! and texts wait their turn in `reply`. [`port`] knows the serial ports of this machine.
 //!
 //! A link knows no message, and a codec is a pure function of bytes.
 

@@ -1,4 +1,5 @@
-//! The serial ports of this machine: which there are, who may open them, who holds them, what udev calls them.
+//! The serial ports of this machine: which there are, who may open them, who holds them, what udev calls
+//! them.
 //!
 //! All of it is read from `/sys`, `/proc` and `/dev`; what cannot be read is left out, never an error.
 

@@ -121,7 +121,8 @@ pub fn named(name: &str) -> Option<&'static Profile> {
     PROFILES.into_iter().find(|profile| profile.name == name)
 }
 
-/// The profile of a link when none is named: PX4 in software dials port 4560 plus its instance, serial is a PX4 board.
+/// The profile of a link when none is named: PX4 in software dials port 4560 plus its instance, serial is a
+/// PX4 board.
 pub fn default_for(link: &LinkSpec) -> &'static Profile {
     match link {
         LinkSpec::TcpListen(host) if PX4_PORTS.contains(&host.port) => &PX4_SITL,
@@ -259,8 +260,8 @@ impl Profile {
         streams.into_iter().map(|(hz, frame_bytes)| hz * frame_bytes as f64).sum()
     }
 
-    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to 90 %
-    /// of it.
+    /// Bytes a second that a serial line has left for what is asked for, answers and forwarded frames: up to
+    /// 90 % of it.
     pub fn spare_bytes_s(&self, rates: &SensorRates, baud: u32) -> f64 {
         (0.9 * f64::from(baud) / 10.0 - self.bytes_per_s(rates)).max(0.0)
     }
@@ -314,7 +315,8 @@ mod tests {
             assert_eq!(profile.raise_noise(&mut asked, rate_hz), [""; 0]);
             assert_eq!(asked.imu.gyroscope, sensors.imu.gyroscope);
         }
-        // 1.4e-4 rad/s/√Hz at 100 Hz are 0.99e-3 rad/s, below 1.065e-3; the accelerometer's 10.6e-3 m/s² are not.
+        // 1.4e-4 rad/s/√Hz at 100 Hz are 0.99e-3 rad/s, below 1.065e-3; the accelerometer's 10.6e-3 m/s² are
+        // not.
         let mut slow = sensors.clone();
         let raised = PX4_HITL.raise_noise(&mut slow, Some(100.0));
         assert!(raised.len() == 1 && raised[0].contains("gyroscope"), "{raised:?}");

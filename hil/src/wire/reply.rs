@@ -1,5 +1,5 @@
-//! Replies: acknowledgements, parameters, texts. They wait their turn and keep within a budget of bytes, so that no
-//! list of parameters delays a sample.
+//! Replies: acknowledgements, parameters, texts. They wait their turn and keep within a budget of bytes, so
+//! that no list of parameters delays a sample.
 
 use std::collections::VecDeque;
 
@@ -194,7 +194,8 @@ mod tests {
             }
         }
         assert!((9216 - 37..=9216 + 37 + 37).contains(&spent), "{spent}");
-        // A long rest gives no more than the burst: 36.9 bytes, so one frame, and a second one that it begins.
+        // A long rest gives no more than the burst: 36.9 bytes, so one frame, and a second one that it
+        // begins.
         let mut frames = 0;
         while budget.is_open(60_000_000_000) {
             budget.spend(37);

@@ -1,9 +1,9 @@
-//! What a flight controller and a ground station ask, MAVLink turned into words of no protocol; `bench/carry_out.rs`
-//! carries it out.
+//! What a flight controller and a ground station ask, MAVLink turned into words of no protocol;
+//! `bench/carry_out.rs` carries it out.
 //!
-//! Controls and status become such words here too, and what is sent in answer becomes MAVLink in [`super::reply`] and
-//! [`super::stream`]; whoever steps the plant knows of no message. One number of MAVLink passes: that of a message
-//! whose rate is asked, since a refusal names it.
+//! Controls and status become such words here too, and what is sent in answer becomes MAVLink in
+//! [`super::reply`] and [`super::stream`]; whoever steps the plant knows of no message. One number of MAVLink
+//! passes: that of a message whose rate is asked, since a refusal names it.
 //!
 //! | command | request |
 //! |---|---|

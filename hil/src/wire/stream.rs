@@ -181,8 +181,8 @@ impl Streams {
         self.bytes.extend_from_slice(raw);
     }
 
-    /// Sets how often a message comes (us), from `now` on: `None` never, 0 its default. A rate beyond what the
-    /// sensors have, or beyond `spare_bytes_s` of the line, is not taken.
+    /// Sets how often a message comes (us), from `now` on: `None` never, 0 its default. A rate beyond what
+    /// the sensors have, or beyond `spare_bytes_s` of the line, is not taken.
     ///
     /// # Errors
     /// When the message is none whose rate this profile leaves to its controller, or does not fit the line.

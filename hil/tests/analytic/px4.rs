@@ -1,5 +1,5 @@
-//! The PX4 airframe against closed forms, against the tuning that flew on PX4, and against PX4's own rules for
-//! parameters.
+//! The PX4 airframe against closed forms, against the tuning that flew on PX4, and against PX4's own rules
+//! for parameters.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -144,7 +144,8 @@ fn parameters_are_such_as_px4_takes() {
                     assert!(value.is_finite(), "{}", parameter.name);
                 }
             }
-            // The traps: exactly no offset, no row under 0.05, slower by hand than the limit, slowing above landing.
+            // The traps: exactly no offset, no row under 0.05, slower by hand than the limit, slowing above
+            // landing.
             for axis in ["PX", "PY", "PZ"] {
                 assert_eq!(real(list, &format!("CA_ROTOR0_{axis}")).to_bits(), 0);
             }
@@ -253,7 +254,8 @@ fn what_px4_cannot_serve_is_refused_by_name() {
     assert!(fault.key == "--hold-s" && fault.message.contains("allowed a hover up to"), "{}", fault.message);
 }
 
-/// What PX4 v1.16 documents for the values that are chosen: 3 is land for lost radio control, 4 for lost offboard.
+/// What PX4 v1.16 documents for the values that are chosen: 3 is land for lost radio control, 4 for lost
+/// offboard.
 #[test]
 fn failsafes_do_what_their_reasons_say() {
     let made = made("reference", &[]);

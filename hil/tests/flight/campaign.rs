@@ -1,5 +1,5 @@
-//! Whole flights drawn as the project's campaigns draw them: every one lands, and predictive control lands no worse than the
-//! cascade.
+//! Whole flights drawn as the project's campaigns draw them: every one lands, and predictive control lands no
+//! worse than the cascade.
 //!
 //! A gate of few seeds: it shows that nothing is broken, not how often a flight fails. A thousand flights and
 //! their confidence are what `hopbench campaign` is for.

@@ -1,5 +1,5 @@
-//! What a campaign promises of itself: the same bytes in whatever order, share or number of attempts it is flown,
-//! every flight again on its own, and the name of what is wrong.
+//! What a campaign promises of itself: the same bytes in whatever order, share or number of attempts it is
+//! flown, every flight again on its own, and the name of what is wrong.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -172,8 +172,8 @@ fn ctrl_c_keeps_what_was_flown() {
     assert!(table.starts_with(&flights(whole)), "{table}");
 }
 
-/// A bare rate is luck: one flight of one bounds the rate at 0.05, Clopper and Pearson's 0.05^(1/1), and 59 of 59 would
-/// be needed for 95 %.
+/// A bare rate is luck: one flight of one bounds the rate at 0.05, Clopper and Pearson's 0.05^(1/1), and 59
+/// of 59 would be needed for 95 %.
 #[test]
 fn a_rate_met_is_not_called_proven() {
     let (file, _) = whole();
@@ -343,8 +343,8 @@ fn the_campaigns_of_this_repository_can_be_drawn() {
     assert!(found >= 3);
 }
 
-/// The arithmetic beside the entries: moving one part moves the whole vehicle's centre of mass by 10.0 mm, to the
-/// last digit given there.
+/// The arithmetic beside the entries: moving one part moves the whole vehicle's centre of mass by 10.0 mm, to
+/// the last digit given there.
 #[test]
 fn the_centre_of_mass_moves_as_far_as_the_campaigns_say() {
     for name in ["hop_50m", "hop_50m_gt"] {
@@ -360,8 +360,8 @@ fn the_centre_of_mass_moves_as_far_as_the_campaigns_say() {
     }
 }
 
-/// The plant flies what was drawn and the autopilot is told of the file: undispersed the flight is the very same,
-/// dispersed the autopilot believes the data sheet.
+/// The plant flies what was drawn and the autopilot is told of the file: undispersed the flight is the very
+/// same, dispersed the autopilot believes the data sheet.
 #[test]
 fn the_autopilot_is_told_of_the_nominal_flight() {
     let short: Vec<String> = SHORT.iter().map(|&pair| pair.to_owned()).collect();

@@ -1,4 +1,5 @@
-//! Plans solved on a thread beside the flight: the same flight as with plans solved in place, and no plan for a flight that is over.
+//! Plans solved on a thread beside the flight: the same flight as with plans solved in place, and no plan for
+//! a flight that is over.
 
 use std::path::Path;
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! Lockstep on a bad wire for a long time: it ends, no wait is for ever, and every stall is counted, explained and
-//! named within a second.
+//! Lockstep on a bad wire for a long time: it ends, no wait is for ever, and every stall is counted,
+//! explained and named within a second.
 //!
 //! 50 000 steps, or as many as `HOPBENCH_LOCKSTEP_STEPS` says; one exchange a step.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
@@ -127,8 +127,8 @@ fn lockstep_outlives_loss_delay_and_duplication() {
     about(missing, SHARE, steps);
     about(answers_lost, SHARE, steps);
 
-    // Every sample lost is a stall, and so is every answer lost, unless the sample came twice and its other answer
-    // passed. The last samples under way when the run is stopped are nobody's.
+    // Every sample lost is a stall, and so is every answer lost, unless the sample came twice and its other
+    // answer passed. The last samples under way when the run is stopped are nobody's.
     let others = link.stalls - stalled.lost_by_fault;
     let rescued = 2.0 * SHARE * seen.again as f64;
     let spared = (rescued + 5.0 * rescued.sqrt()) as u64 + 5 + others;

@@ -1,6 +1,7 @@
 //! Each fault of the wire and of the flight controller, by its effect; `component_mode` names the test.
 //!
-//! In lockstep a late frame holds nobody up, so times in the reports are exact; a lost one is waited for in vain.
+//! In lockstep a late frame holds nobody up, so times in the reports are exact; a lost one is waited for in
+//! vain.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -127,7 +128,8 @@ fn wire_from_fc_drop() {
     assert!(report.link.unwrap().lost.abs_diff(dropped) <= 2, "{:?}", report.link);
 }
 
-/// Run time of the event `armed`, of which there must be one, when each sample from `armed_us` on is answered armed (s).
+/// Run time of the event `armed`, of which there must be one, when each sample from `armed_us` on is answered
+/// armed (s).
 fn armed_s(overrides: &[&str], armed_us: u64) -> (f64, Report) {
     let overrides = [overrides, &["fc_timeout_ms=10000"]].concat();
     let report = run(&scenario(&overrides), patient(Duration::from_secs(5)), |fc| {
@@ -168,8 +170,8 @@ fn wire_from_fc_delay() {
     assert!(disrupted.from_fc.delayed > 100 && disrupted.to_fc.delayed == 0, "{disrupted:?}");
 }
 
-/// In real time the round trip shows it. A bench that catches up lets simulated time run faster than the wall's,
-/// so half of the delay is what a busy machine leaves for certain.
+/// In real time the round trip shows it. A bench that catches up lets simulated time run faster than the
+/// wall's, so half of the delay is what a busy machine leaves for certain.
 #[test]
 fn a_delay_is_in_the_round_trip() {
     let options = Options { pacing: Pacing::RealTime, fast: false, ..lockstep(&PX4_SITL) };
@@ -198,8 +200,8 @@ fn wire_to_fc_jitter() {
     assert_eq!(report.link.unwrap().stalls, 0);
 }
 
-/// An answer that was overtaken is not obeyed: a controller that arms ten times arms ten times, though around each
-/// change its frames come in any order.
+/// An answer that was overtaken is not obeyed: a controller that arms ten times arms ten times, though around
+/// each change its frames come in any order.
 #[test]
 fn wire_from_fc_jitter() {
     const PERIOD_US: u64 = 100_000;

@@ -1,5 +1,5 @@
-//! Hand-over: a controller that falls silent or talks nonsense in the air is replaced within its timeout and without a
-//! bump, and comes back only on request.
+//! Hand-over: a controller that falls silent or talks nonsense in the air is replaced within its timeout and
+//! without a bump, and comes back only on request.
 
 use std::time::Duration;
 
@@ -27,9 +27,9 @@ fn handover_in(phase: Phase, height_m: f64) -> Handover {
     handover
 }
 
-/// The successor starts from the command in force, so its first one is within what predictive control may change in one
-/// of its steps, 20 ms, after the four samples that went unanswered: 30 N and 0.5 deg. What follows is a vehicle that
-/// goes on as it was: a hop leans by a degree or two of its own.
+/// The successor starts from the command in force, so its first one is within what predictive control may
+/// change in one of its steps, 20 ms, after the four samples that went unanswered: 30 N and 0.5 deg. What
+/// follows is a vehicle that goes on as it was: a hop leans by a degree or two of its own.
 #[test]
 fn the_autopilot_takes_over_without_a_bump() {
     for (phase, height_m) in

@@ -1,4 +1,5 @@
-//! A serial port for real: rates, one user at a time, unplugged in flight and found again, a board that reboots.
+//! A serial port for real: rates, one user at a time, unplugged in flight and found again, a board that
+//! reboots.
 
 use std::os::unix::fs::symlink;
 use std::path::PathBuf;

@@ -240,7 +240,8 @@ fn after_a_reset_time_goes_on_and_the_flight_begins_anew() {
     assert!(
         report.flights.iter().all(|flight| flight.events.iter().any(|event| event.kind.name() == "reset"))
     );
-    // Cut short by the reset; one that had given up before would not be excused, nor is one that nobody cut short.
+    // Cut short by the reset; one that had given up before would not be excused, nor is one that nobody cut
+    // short.
     let mut flown = report.flights[0].clone();
     assert!(report.flights.iter().all(Report::is_excused) && !report.is_excused());
     flown.events[0].kind = EventKind::Abort(AbortReason::Tilt);
@@ -316,8 +317,8 @@ fn the_plant_s_floats_come_when_asked_for() {
     });
 }
 
-/// 90 % of the line less the profile's streams is what a list may take: so it lasts at least so long, less a frame and
-/// a burst. Load can only make it longer.
+/// 90 % of the line less the profile's streams is what a list may take: so it lasts at least so long, less a
+/// frame and a burst. Load can only make it longer.
 #[test]
 fn a_list_keeps_within_what_the_line_has_left() {
     let rates = SensorRates { imu_hz: 250.0, gnss_hz: 10.0, altimeter_hz: 50.0 };
@@ -493,7 +494,8 @@ fn frames_pass_both_ways_as_they_came_and_hil_messages_never() {
         });
         assert!(!station.frames.iter().any(|(id, _)| hopbench_hil::wire::mavlink::is_hil(*id)));
 
-        // To the flight controller: an arming command, what nobody knows, but neither HIL_SENSOR nor what is the bench's.
+        // To the flight controller: an arming command, what nobody knows, but neither HIL_SENSOR nor what is
+        // the bench's.
         let arm = dialect::MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
         station.send(&MavMessage::HIL_SENSOR(dialect::HIL_SENSOR_DATA::default()));
         station.send(&set(GROUND_ADDRESS, "WIND_E", 2.0));

@@ -152,8 +152,8 @@ pub(crate) fn stage_model(
     let (mass, thrust_n) = (airframe.mass_kg, reference.thrust_n);
     let r = reference.heading_from_body;
 
-    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is relative to a turning
-    // frame.
+    // Integrals of exp(-W s), W the cross product with the reference's rate: attitude is relative to a
+    // turning frame.
     let w = skew(rate_body_rad_s);
     let (w2, one) = (w * w, Mat3::identity());
     let e0 = one - w * h + w2 * (0.5 * h * h) - w2 * w * (h * h * h / 6.0);

@@ -1,8 +1,8 @@
-//! The project's test command: `cargo xtask test` is what a person and CI run, `cargo xtask long` the evidence that
-//! takes longer.
+//! The project's test command: `cargo xtask test` is what a person and CI run, `cargo xtask long` the
+//! evidence that takes longer.
 //!
-//! A stage prints its header and its duration, leaves the runner's own output as it is, and ends the command with the
-//! runner's exit code when it fails. Nothing is skipped: without Python the command fails.
+//! A stage prints its header and its duration, leaves the runner's own output as it is, and ends the command
+//! with the runner's exit code when it fails. Nothing is skipped: without Python the command fails.
 
 mod python;
 
@@ -68,8 +68,8 @@ type Outcome = Result<(), Failure>;
 /// Python tests that run at a time: they mostly wait.
 const PYTHON_PROCESSES: &str = "3";
 
-/// Assertions and overflow checks of the library and its tests, on top of the release profile: the dependencies stay those of
-/// the release build.
+/// Assertions and overflow checks of the library and its tests, on top of the release profile: the
+/// dependencies stay those of the release build.
 const ASSERTIONS: [&str; 4] = [
     "--config",
     "profile.release.package.hopbench.debug-assertions=true",
@@ -77,26 +77,29 @@ const ASSERTIONS: [&str; 4] = [
     "profile.release.package.hopbench.overflow-checks=true",
 ];
 
-/// In release: what is tested is what flies, and dependencies are built once for tests and program. Then what steps the
-/// plant once more, with its assertions on.
+/// In release: what is tested is what flies, and dependencies are built once for tests and program. Then what
+/// steps the plant once more, with its assertions on.
 fn rust_tests() -> Outcome {
     // Documentation tests are part of `cargo test` as long as no target is selected.
     stage("Rust tests", &mut workspace_test())?;
     stage(
         "Rust tests, assertions on",
-        workspace_test().args(["--test", "flight", "--test", "invariant"]).args(ASSERTIONS),
+        workspace_test()
+            .args(["--test", "flight", "--test", "invariant", "--test", "reference"])
+            .args(ASSERTIONS),
     )
 }
 
-/// Of the workspace even where one package is meant: the features of shared dependencies, and with them what is compiled,
-/// are then the same in every stage.
+/// Of the workspace even where one package is meant: the features of shared dependencies, and with them what
+/// is compiled, are then the same in every stage.
 fn workspace_test() -> Command {
     let mut command = cargo();
     command.args(["test", "--workspace", "--release", "--locked"]);
     command
 }
 
-/// Without arguments two runs: what waits for messages side by side, then what asks for the machine to itself.
+/// Without arguments two runs: what waits for messages side by side, then what asks for the machine to
+/// itself.
 fn python_tests(pytest: &[String]) -> Outcome {
     let hopbench = release_binary()?;
     let python = python::environment(&root())?;

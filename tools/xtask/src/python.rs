@@ -1,5 +1,5 @@
-//! The Python environment of the tests: `.venv` at the root, made from a lock file with hashes, made anew when the lock
-//! or the interpreter changes.
+//! The Python environment of the tests: `.venv` at the root, made from a lock file with hashes, made anew
+//! when the lock or the interpreter changes.
 
 use std::ffi::OsStr;
 use std::fs;

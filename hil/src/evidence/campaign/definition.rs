@@ -110,8 +110,8 @@ impl Campaign {
         self.file.seed.wrapping_add(run)
     }
 
-    /// What defines the flights, beside the program: equal hashes, equal rows. How many there are, how many must
-    /// succeed, and how they are described, does not count.
+    /// What defines the flights, beside the program: equal hashes, equal rows. How many there are, how many
+    /// must succeed, and how they are described, does not count.
     pub fn hash(&self) -> String {
         let mut hash = Fnv::default();
         let mut file = CampaignFile { runs: 0, description: String::new(), ..self.file.clone() };

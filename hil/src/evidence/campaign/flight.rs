@@ -22,7 +22,8 @@ pub struct FlightResult {
 }
 
 impl Campaign {
-    /// What flies in truth under one configuration and seed, and the values that were put in place, `KEY=VALUE`.
+    /// What flies in truth under one configuration and seed, and the values that were put in place,
+    /// `KEY=VALUE`.
     ///
     /// # Errors
     /// When a drawn value is one that no such vehicle or flight can have.
@@ -107,8 +108,8 @@ impl Campaign {
         Ok(FlightResult { row, report })
     }
 
-    /// Flies many, `jobs` at a time; `each` sees their rows in order, as they come. Once `stop` is set no flight
-    /// begins, and those in the air are flown out.
+    /// Flies many, `jobs` at a time; `each` sees their rows in order, as they come. Once `stop` is set no
+    /// flight begins, and those in the air are flown out.
     ///
     /// # Errors
     /// The first, in order, of a flight that cannot be; or what `each` says.

@@ -1,4 +1,5 @@
-//! Pictures of a campaign: how the touchdown figures spread against their limits, and where the feet came down.
+//! Pictures of a campaign: how the touchdown figures spread against their limits, and where the feet came
+//! down.
 
 use anyhow::Result;
 use hopbench::scenario::Success;

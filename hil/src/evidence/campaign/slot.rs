@@ -52,8 +52,8 @@ pub fn slots_of(slots: Vec<Slot>, shard: Option<Shard>) -> Vec<Slot> {
     slots.into_iter().filter(|slot| shard.is_none_or(|shard| shard.has(slot.run))).collect()
 }
 
-/// Works on many, `jobs` at a time; `each` sees the results in order, as they come. The first failure, in order,
-/// ends it, and so does `stop`, after what has begun.
+/// Works on many, `jobs` at a time; `each` sees the results in order, as they come. The first failure, in
+/// order, ends it, and so does `stop`, after what has begun.
 pub(super) fn in_order<T: Send, E: Send>(
     slots: &[Slot],
     jobs: usize,

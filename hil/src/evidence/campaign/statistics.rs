@@ -1,9 +1,10 @@
 //! Bounds and tests on counts of flights: what they prove, and no more.
 //!
 //! Bounds of a rate: Clopper and Pearson, Biometrika 26 (1934) 404, exact, from the quantiles of the beta
-//! distribution; never narrower than they say. Two configurations flown on the same seeds: McNemar's test in its
-//! exact form, the binomial law of the pairs that disagree (McNemar, Psychometrika 12 (1947) 153), and an interval of
-//! the median difference between order statistics (Conover, Practical Nonparametric Statistics, section 3.2).
+//! distribution; never narrower than they say. Two configurations flown on the same seeds: McNemar's test in
+//! its exact form, the binomial law of the pairs that disagree (McNemar, Psychometrika 12 (1947) 153), and an
+//! interval of the median difference between order statistics (Conover, Practical Nonparametric Statistics,
+//! section 3.2).
 
 use serde::Serialize;
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
@@ -102,8 +103,9 @@ pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Without failure the one-sided bound is tail^(1/n), without success it is 0; 299 flights without one prove
-    /// 99 %, and 298 do not. With four failures a thousand flights do: the table every reliability handbook has.
+    /// Without failure the one-sided bound is tail^(1/n), without success it is 0; 299 flights without one
+    /// prove 99 %, and 298 do not. With four failures a thousand flights do: the table every reliability
+    /// handbook has.
     #[test]
     fn bounds_of_a_rate_are_those_of_clopper_and_pearson() {
         for n in [1, 10, 299, 1109] {
@@ -126,7 +128,8 @@ mod tests {
         assert_eq!(RateBounds::new(0, 0).two_sided_95, [0.0, 1.0]);
     }
 
-    /// By hand: 1 and 7 of eight pairs, 2 (1 + 8)/2⁸; the incomplete beta function behind it is good to 1e-13.
+    /// By hand: 1 and 7 of eight pairs, 2 (1 + 8)/2⁸; the incomplete beta function behind it is good to
+    /// 1e-13.
     #[test]
     fn mcnemar_counts_the_pairs_that_disagree() {
         assert!((mcnemar_p(1, 7) - 18.0 / 256.0).abs() < 1e-12);
@@ -136,8 +139,8 @@ mod tests {
         assert!((mcnemar_p(0, 6) - 2.0 / 64.0).abs() < 1e-12);
     }
 
-    /// Of six values the interval is their whole span, 1 - 2/2⁶ = 96.9 %; of five it would be 93.8 %. Of ten it runs
-    /// from the second to the ninth, 1 - 2 (1 + 10)/2¹⁰ = 97.9 %.
+    /// Of six values the interval is their whole span, 1 - 2/2⁶ = 96.9 %; of five it would be 93.8 %. Of ten
+    /// it runs from the second to the ninth, 1 - 2 (1 + 10)/2¹⁰ = 97.9 %.
     #[test]
     fn a_median_lies_between_order_statistics() {
         let of = |n: i32| Median::new((0..n).rev().map(f64::from).collect());

@@ -1,4 +1,5 @@
-//! What a campaign shows: rates with their bounds, failures by cause, spread of the figures, comparison of variants.
+//! What a campaign shows: rates with their bounds, failures by cause, spread of the figures, comparison of
+//! variants.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -32,7 +33,8 @@ pub struct Summary {
     pub success: Success,
     /// Whether every variant succeeded often enough; null for a shard, which proves nothing alone.
     pub passed: Option<bool>,
-    /// Whether the flights prove the rate wanted: the one-sided bound of every variant reaches it; null for a shard.
+    /// Whether the flights prove the rate wanted: the one-sided bound of every variant reaches it; null for a
+    /// shard.
     pub proven: Option<bool>,
     /// What flew.
     pub variants: Vec<VariantSummary>,

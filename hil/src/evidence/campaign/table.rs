@@ -158,8 +158,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Opens the table of a folder, or starts one, and gives the rows that it has. A line that was cut short by
-    /// the end of an earlier run is taken away.
+    /// Opens the table of a folder, or starts one, and gives the rows that it has. A line that was cut short
+    /// by the end of an earlier run is taken away.
     ///
     /// # Errors
     /// When the table cannot be read or written, or is not one of this campaign.

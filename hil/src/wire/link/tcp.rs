@@ -8,8 +8,9 @@ use std::time::Duration;
 /// A TCP peer that acknowledges nothing for this long is gone. The kernel counts keepalive in whole seconds.
 const TCP_SILENCE: Duration = Duration::from_secs(2);
 
-/// Small frames must not wait for the acknowledgement of the one before, and a host that is gone without a word
-/// (unplugged, crashed) must not hold the connection: what is sent to it is given up, and it is asked when idle.
+/// Small frames must not wait for the acknowledgement of the one before, and a host that is gone without a
+/// word (unplugged, crashed) must not hold the connection: what is sent to it is given up, and it is asked
+/// when idle.
 pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
     use rustix::net::sockopt;
     stream.set_nonblocking(true)?;

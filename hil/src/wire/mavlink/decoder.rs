@@ -1,8 +1,8 @@
 //! Bytes to frames: cut anywhere, damaged, MAVLink 1 or 2.
 //!
-//! After damage it resumes at the next frame: nothing but the damaged frame is lost, since a candidate that fails gives
-//! up one byte, not its claimed length, and a candidate whose end has not arrived does not hold up a whole frame behind
-//! it.
+//! After damage it resumes at the next frame: nothing but the damaged frame is lost, since a candidate that
+//! fails gives up one byte, not its claimed length, and a candidate whose end has not arrived does not hold
+//! up a whole frame behind it.
 
 use ::mavlink::dialects::common::MavMessage;
 use ::mavlink::{MavlinkVersion, Message};
@@ -86,7 +86,8 @@ impl Decoder {
         self.next_frame_raw(|_, _| {})
     }
 
-    /// The same; `raw` sees the bytes of every whole frame with its message number, those of unknown messages too.
+    /// The same; `raw` sees the bytes of every whole frame with its message number, those of unknown messages
+    /// too.
     pub fn next_frame_raw(&mut self, mut raw: impl FnMut(u32, &[u8])) -> Option<Frame> {
         loop {
             let rest = &self.buffer[self.start..];
@@ -155,7 +156,8 @@ impl Decoder {
         frame
     }
 
-    /// Counts what is missing between this frame and the last of the same sender, and what came late or twice.
+    /// Counts what is missing between this frame and the last of the same sender, and what came late or
+    /// twice.
     fn follow(&mut self, frame: &Frame) {
         let address = frame.sender;
         let Some(sender) = self.senders.iter_mut().find(|sender| sender.address == address) else {

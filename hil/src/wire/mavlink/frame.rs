@@ -1,6 +1,7 @@
 //! One frame, and what a flight controller or a ground station says with it.
 //!
-//! The few messages that they send are read tolerantly: an enumerator that the crate does not know costs no frame.
+//! The few messages that they send are read tolerantly: an enumerator that the crate does not know costs no
+//! frame.
 
 use ::mavlink::dialects::common::MavMessage;
 use ::mavlink::{MavlinkVersion, Message};

@@ -30,8 +30,8 @@ const TESLA_PER_GAUSS: f64 = 1e-4;
 const QUALITY_GOOD: u8 = 100;
 const QUALITY_INVALID: u8 = 1;
 
-/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples. The
-/// beat goes on when the unit has nothing to tell; then the mask says so.
+/// HIL_SENSOR at the beat of the inertial unit, which paces a flight controller: `None` between its samples.
+/// The beat goes on when the unit has nothing to tell; then the mask says so.
 pub fn hil_sensor(measurement: &Measurement) -> Option<MavMessage> {
     let (force, rate, temperature_k) = match (&measurement.imu, &measurement.broken_imu) {
         (Some(imu), _) => (Some(imu.specific_force_body_m_s2), Some(imu.rate_body_rad_s), imu.temperature_k),

@@ -1,8 +1,8 @@
 //! MAVLink: bytes <-> frames <-> signals, as pure functions of bytes.
 //!
-//! [`Decoder`] takes bytes as they come, cut anywhere, MAVLink 1 or 2, and gives whole frames whose checksum holds;
-//! [`Encoder`] gives the bytes of messages. Wire units become SI in [`measurement`] and [`telemetry`] and nowhere else.
-//! Message numbers, lengths and checksum seeds come from the `mavlink` crate.
+//! [`Decoder`] takes bytes as they come, cut anywhere, MAVLink 1 or 2, and gives whole frames whose checksum
+//! holds; [`Encoder`] gives the bytes of messages. Wire units become SI in [`measurement`] and [`telemetry`]
+//! and nowhere else. Message numbers, lengths and checksum seeds come from the `mavlink` crate.
 
 mod address;
 mod layout;

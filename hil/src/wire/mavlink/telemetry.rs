@@ -1,4 +1,5 @@
-//! The true vehicle as telemetry: for people and scripts that watch a run, never for a flight controller to fly by.
+//! The true vehicle as telemetry: for people and scripts that watch a run, never for a flight controller to
+//! fly by.
 
 use ::mavlink::dialects::common as dialect;
 use ::mavlink::dialects::common::MavMessage;
@@ -25,8 +26,8 @@ pub fn plant_array(now: &Snapshot, time_us: u64) -> MavMessage {
     })
 }
 
-/// HEARTBEAT of the true vehicle: a rocket in simulation whose component is no autopilot, so that nobody takes
-/// it for the flight controller.
+/// HEARTBEAT of the true vehicle: a rocket in simulation whose component is no autopilot, so that nobody
+/// takes it for the flight controller.
 pub fn vehicle_heartbeat(is_armed: bool) -> MavMessage {
     let armed = if is_armed { MODE_ARMED } else { 0 };
     MavMessage::HEARTBEAT(dialect::HEARTBEAT_DATA {
