@@ -119,7 +119,7 @@ impl Disturbance {
 /// When one does nothing, or two have one name.
 pub fn validate(entries: &[Disturbance]) -> Result<(), Invalid> {
     for (index, entry) in entries.iter().enumerate() {
-        entry.validate().map_err(|fault| fault.within(&index.to_string()))?;
+        entry.validate().map_err(|invalid| invalid.within(&index.to_string()))?;
         let stream = entry.stream(index);
         if let Some(first) = (0..index).find(|&first| entries[first].stream(first) == stream) {
             return Err(Invalid::new(

@@ -204,7 +204,7 @@ impl Fault {
 /// When one cannot be, two have one name, or one waits for a fault that is not there.
 pub fn validate(entries: &[Fault]) -> Result<(), Invalid> {
     for (index, entry) in entries.iter().enumerate() {
-        entry.validate().map_err(|fault| fault.within(&index.to_string()))?;
+        entry.validate().map_err(|invalid| invalid.within(&index.to_string()))?;
         let name = entry.name();
         if let Some(first) = (0..index).find(|&first| entries[first].name() == name) {
             return Err(Invalid::new(

@@ -35,10 +35,10 @@ pub(super) fn carry_out(run: &mut Run, request: Request) -> Answer {
         }
         Request::Break(faults) => {
             for fault in &faults {
-                fault.validate().or_else(|fault| denied(fault.to_string()))?;
+                fault.validate().or_else(|invalid| denied(invalid.to_string()))?;
             }
             for fault in &faults {
-                run.flight.inject(fault).or_else(|fault| denied(fault.to_string()))?;
+                run.flight.inject(fault).or_else(|invalid| denied(invalid.to_string()))?;
             }
         }
         Request::Mend(components, mode) => {
@@ -63,7 +63,7 @@ fn set_up_flight(run: &mut Run) -> Answer {
         return denied("no reset while the flight controller is armed");
     }
     let seed = run.timeline.next_seed().unwrap_or_else(|| run.flight.seed());
-    let next = run.flight.again(seed).or_else(|fault| denied(format!("no new flight: {fault}")))?;
+    let next = run.flight.again(seed).or_else(|invalid| denied(format!("no new flight: {invalid}")))?;
     run.timeline.set_next_flight(next);
     Ok(())
 }

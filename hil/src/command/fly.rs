@@ -53,7 +53,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
             written = table.row(now);
         }
     })
-    .map_err(|fault| load::contradiction(&args.scenario, fault))?;
+    .map_err(|invalid| load::contradiction(&args.scenario, invalid))?;
     written?;
     if let Some(table) = table {
         table.finish()?;

@@ -94,7 +94,7 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
     raise_noise(profile, &mut scenario, &instruments, &live);
     let seed = common.seed.unwrap_or(scenario.file.seed);
     let mut flight = Flight::with(&scenario, seed, &instruments)
-        .map_err(|fault| load::contradiction(&args.scenario, fault))?;
+        .map_err(|invalid| load::contradiction(&args.scenario, invalid))?;
 
     let mut link = open_link(args)?;
     let mut ground = open_ground(args)?;

@@ -43,11 +43,11 @@ pub fn run(args: &Args, common: &Common) -> Result<ExitCode> {
         return Err(load::unusable(&args.vehicle, "not a vehicle file: it has no [vehicle] table").into());
     }
     let vehicle = load::vehicle(&args.vehicle, &common.set)?;
-    let airframe = airframe(&vehicle, &hop).map_err(|fault| {
-        if fault.key.starts_with("--") {
-            option_error(&fault.key, fault.message)
+    let airframe = airframe(&vehicle, &hop).map_err(|invalid| {
+        if invalid.key.starts_with("--") {
+            option_error(&invalid.key, invalid.message)
         } else {
-            document.error(vec![fault])
+            document.error(vec![invalid])
         }
     })?;
     let out = common.out.clone().unwrap_or_else(|| folder_of(&vehicle.name));

@@ -52,8 +52,8 @@ impl Campaign {
         for (index, entry) in file.dispersion.iter().enumerate() {
             if table::reserved(entry.name()) {
                 let message = format!("\"{}\" is a column of {} already", entry.name(), table::FILE);
-                let fault = Invalid::new(format!("dispersion.{index}.name"), message);
-                return Err(document.error(vec![fault]));
+                let invalid = Invalid::new(format!("dispersion.{index}.name"), message);
+                return Err(document.error(vec![invalid]));
             }
         }
         let scenario = path.parent().unwrap_or(Path::new(".")).join(&file.scenario);
@@ -63,11 +63,11 @@ impl Campaign {
             let mut set = overrides.to_vec();
             set.extend(variant.set.iter().map(|(key, value)| format!("{key}={value}")));
             let of_variant = |mut error: InputError| {
-                if let Some(fault) = error.diagnostics.first_mut()
+                if let Some(diagnostic) = error.diagnostics.first_mut()
                     && !variant.set.is_empty()
                 {
                     let place = document.place_of(&["variant", &index.to_string()]);
-                    fault.message += &format!(" (variant \"{}\", {place})", variant.name);
+                    diagnostic.message += &format!(" (variant \"{}\", {place})", variant.name);
                 }
                 error
             };
@@ -80,7 +80,7 @@ impl Campaign {
                 return Err(load::unusable(&scenario, message));
             }
             let data_sheet = data_sheet::nominal(&nominal)
-                .map_err(|fault| of_variant(load::contradiction(&scenario, fault)))?;
+                .map_err(|invalid| of_variant(load::contradiction(&scenario, invalid)))?;
             configurations.push(Configuration { name: variant.name, nominal, data_sheet, inputs, values });
         }
         let name = path.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());

@@ -43,7 +43,7 @@ impl Campaign {
             let within = format!("dispersion.{index}");
             let changes = entry
                 .changes(draw, &configuration.values)
-                .map_err(|fault| self.document.error(vec![fault.within(&within)]))?;
+                .map_err(|invalid| self.document.error(vec![invalid.within(&within)]))?;
             let place = self.document.place_of(&["dispersion", &index.to_string()]);
             for (key, value) in changes {
                 changed.push(format!("{key}={value}"));
@@ -96,8 +96,8 @@ impl Campaign {
         let configuration = &self.configurations[configuration];
         let draws = self.draws(seed);
         let (scenario, overrides) = self.scenario(configuration, seed, &draws)?;
-        let refused = |fault: Invalid| {
-            self.with_draws(load::contradiction(Path::new(&configuration.nominal.name), fault), seed, &draws)
+        let refused = |invalid: Invalid| {
+            self.with_draws(load::contradiction(Path::new(&configuration.nominal.name), invalid), seed, &draws)
         };
         let mut flight = Flight::dispersed(&scenario, seed, &configuration.data_sheet).map_err(refused)?;
         fly_out(&mut flight, |_| {});
