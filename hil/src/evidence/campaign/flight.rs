@@ -97,7 +97,11 @@ impl Campaign {
         let draws = self.draws(seed);
         let (scenario, overrides) = self.scenario(configuration, seed, &draws)?;
         let refused = |invalid: Invalid| {
-            self.with_draws(load::contradiction(Path::new(&configuration.nominal.name), invalid), seed, &draws)
+            self.with_draws(
+                load::contradiction(Path::new(&configuration.nominal.name), invalid),
+                seed,
+                &draws,
+            )
         };
         let mut flight = Flight::dispersed(&scenario, seed, &configuration.data_sheet).map_err(refused)?;
         fly_out(&mut flight, |_| {});
