@@ -363,15 +363,21 @@ def strict_bench(scenario, fc, profile, **options):
 def arrivals(bench, timeout_s=10.0):
     """All messages, each with the last look that found nothing and the time it was read: it came in between."""
     looked_s = time.monotonic()
+    ended_s = None
     while True:
         message = bench._poll()
+        now_s = time.monotonic()
         if message is not None:
-            yield message, looked_s, time.monotonic()
+            yield message, looked_s, now_s
             continue
-        if time.monotonic() - looked_s > 0.01 and bench.process.poll() is not None:
-            return
-        looked_s = time.monotonic()
-        if not select.select([bench.connection.fd], [], [], timeout_s if bench.process.poll() is None else 0.0)[0]:
+        looked_s = now_s
+        if bench.process.poll() is not None:
+            # A closed connection is readable for ever: what was still under way comes within this time.
+            ended_s = ended_s or now_s
+            if now_s - ended_s > 0.1:
+                return
+            time.sleep(0.005)
+        elif not select.select([bench.connection.fd], [], [], timeout_s)[0]:
             assert bench.process.poll() is not None, f"silent for {timeout_s} s\n{bench.stderr()[-2000:]}"
 
 
