@@ -387,40 +387,54 @@ fn garbage_among_the_measurements_is_refused() {
 /// with more noise than it has, so that less is expected there.
 #[test]
 fn filter_is_consistent_with_its_covariance() {
-    let flights = 50;
+    const FLIGHTS: u64 = 50;
     let times_s = [4.4, 9.0, 14.0, 20.0, 26.0, 33.0, 40.0];
-    let mut sums = [0.0; 7];
-    for seed in 0..flights {
-        let conditions = Conditions::dispersed(700 + seed);
-        let mut autopilot = Autopilot::new(parameters(Mission::default(), conditions.rtk));
-        let mut plant = Plant::new(conditions);
-        let mut command = ActuatorCommand::SAFE;
-        for (sum, at_s) in sums.iter_mut().zip(times_s) {
-            while plant.time_s() < at_s {
-                let m = plant.advance(&command);
-                command = autopilot.update(&m);
-            }
-            let (estimate, filter) = (autopilot.estimate(), autopilot.navigation());
-            let lever = autopilot_plant::IMU_BODY_M;
-            let imu = filter.point(lever);
-            let turn = (plant.q * estimate.q_ned_from_body.inverse()).scaled_axis();
-            let mut error = nalgebra::SVector::<f64, 9>::zeros();
-            let true_velocity = plant.velocity_ned_m_s + plant.q * plant.rate.cross(&lever);
-            error
-                .fixed_rows_mut::<3>(0)
-                .copy_from(&(plant.position_ned_m + plant.q * lever - imu.position_ned_m));
-            error.fixed_rows_mut::<3>(3).copy_from(&(true_velocity - imu.velocity_ned_m_s));
-            error.fixed_rows_mut::<3>(6).copy_from(&turn);
-            let inverse = filter.motion_covariance().try_inverse().expect("positive definite");
-            *sum += (error.transpose() * inverse * error)[0] / flights as f64;
-        }
-    }
+    // Two threads: this test alone would keep one core busy for a minute.
+    let halves: Vec<[f64; 7]> = std::thread::scope(|threads| {
+        let half = |first: u64| {
+            threads.spawn(move || {
+                (first..FLIGHTS).step_by(2).fold([0.0; 7], |sums, seed| {
+                    let nees = normalized_errors(700 + seed, times_s);
+                    std::array::from_fn(|k| sums[k] + nees[k])
+                })
+            })
+        };
+        [half(0), half(1)].into_iter().map(|half| half.join().unwrap()).collect()
+    });
+    let sums: [f64; 7] = std::array::from_fn(|k| (halves[0][k] + halves[1][k]) / FLIGHTS as f64);
     eprintln!("mean NEES of 9 at {times_s:?} s: {sums:.2?}");
     // 95 % of the mean of 50 chi-squares of 9: 9 ± 1.96 √(18/50) = 7.8..10.2; the lower side is left wide,
     // since the filter takes the inertial noise 1.5 times too large on purpose.
     for (nees, at_s) in sums.into_iter().zip(times_s) {
         assert!(nees > 2.0 && nees < 10.2, "{nees} at {at_s} s");
     }
+}
+
+/// Squares of the normalised error of motion (nine degrees of freedom) at times of a flight (s).
+fn normalized_errors(seed: u64, times_s: [f64; 7]) -> [f64; 7] {
+    let conditions = Conditions::dispersed(seed);
+    let mut autopilot = Autopilot::new(parameters(Mission::default(), conditions.rtk));
+    let mut plant = Plant::new(conditions);
+    let mut command = ActuatorCommand::SAFE;
+    times_s.map(|at_s| {
+        while plant.time_s() < at_s {
+            let m = plant.advance(&command);
+            command = autopilot.update(&m);
+        }
+        let (estimate, filter) = (autopilot.estimate(), autopilot.navigation());
+        let lever = autopilot_plant::IMU_BODY_M;
+        let imu = filter.point(lever);
+        let turn = (plant.q * estimate.q_ned_from_body.inverse()).scaled_axis();
+        let mut error = nalgebra::SVector::<f64, 9>::zeros();
+        let true_velocity = plant.velocity_ned_m_s + plant.q * plant.rate.cross(&lever);
+        error
+            .fixed_rows_mut::<3>(0)
+            .copy_from(&(plant.position_ned_m + plant.q * lever - imu.position_ned_m));
+        error.fixed_rows_mut::<3>(3).copy_from(&(true_velocity - imu.velocity_ned_m_s));
+        error.fixed_rows_mut::<3>(6).copy_from(&turn);
+        let inverse = filter.motion_covariance().try_inverse().expect("positive definite");
+        (error.transpose() * inverse * error)[0]
+    })
 }
 
 #[test]

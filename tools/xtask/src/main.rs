@@ -70,11 +70,14 @@ const PYTHON_PROCESSES: &str = "3";
 
 /// Assertions and overflow checks of the library and its tests, on top of the release profile: the
 /// dependencies stay those of the release build.
-const ASSERTIONS: [&str; 4] = [
+const ASSERTIONS: [&str; 6] = [
     "--config",
     "profile.release.package.hopbench.debug-assertions=true",
     "--config",
     "profile.release.package.hopbench.overflow-checks=true",
+    // Compiled on every core: these tests do not ask for speed.
+    "--config",
+    "profile.release.package.hopbench.codegen-units=16",
 ];
 
 /// Tests of the autopilot, all but one of them on a plant of the tests' own.
