@@ -20,19 +20,25 @@ pub(super) struct CachedRate {
 
 impl Plant {
     /// Keeps the rate of the present state.
+    #[inline(always)]
     pub(super) fn cache_rate(&mut self, rate: &Rate) {
-        let (state, inputs, warm_start) = (self.state, self.inputs, self.solver.warm_start);
         match &mut self.cached_rate {
-            // In place: a rate is large.
+            // In place, field by field: it is large.
             Some(cached) => {
-                (cached.state, cached.inputs, cached.warm_start) = (state, inputs, warm_start);
+                cached.state = self.state;
+                cached.inputs = self.inputs;
                 cached.rate = *rate;
+                cached.warm_start = self.solver.warm_start;
             }
-            None => self.cached_rate = Some(CachedRate { state, inputs, rate: *rate, warm_start }),
+            None => {
+                let (state, inputs, warm_start) = (self.state, self.inputs, self.solver.warm_start);
+                self.cached_rate = Some(CachedRate { state, inputs, rate: *rate, warm_start });
+            }
         }
     }
 
     /// Rate at the beginning of a step.
+    #[inline(always)]
     pub(super) fn first_rate(&mut self) -> Rate {
         match &self.cached_rate {
             Some(cached) if cached.state == self.state && cached.inputs == self.inputs => {

@@ -43,7 +43,7 @@ impl Plant {
     fn move_valves(&mut self, positions: &Positions) {
         let (step_s, inputs) = (self.step.s(), &mut self.inputs);
         let isolation = self.vehicle.isolation_stroke();
-        inputs.isolation_opening = inputs.faults.isolation_after(
+        inputs.isolation_opening = self.discrete.fault_memory.isolation_after(
             isolation,
             inputs.isolation_opening,
             positions.isolation_open,
@@ -60,33 +60,37 @@ impl Plant {
     fn command_valve(&mut self, valve_rad: f64) {
         let inputs = &mut self.inputs;
         if self.options.ideal {
-            inputs.valve_command_rad = inputs.faults.valve_target_rad(valve_rad);
+            inputs.valve_command_rad =
+                self.discrete.fault_memory.valve_target_rad(valve_rad, &inputs.faults.valve_servo);
             let servo = &inputs.faults.valve_servo;
             self.state.valve_rad = servo.at_once(self.state.valve_rad, inputs.valve_command_rad);
             inputs.valve_memory = ServoMemory::at(self.state.valve_rad);
         } else {
             let delay = &mut self.discrete.valve_delay;
             delay.push(self.time, valve_rad);
-            inputs.valve_command_rad = inputs.faults.valve_target_rad(delay.at(self.time));
+            inputs.valve_command_rad =
+                self.discrete.fault_memory.valve_target_rad(delay.at(self.time), &inputs.faults.valve_servo);
         }
     }
 
     fn command_thrusters(&mut self, roll: f64) {
         let inputs = &mut self.inputs;
         if self.options.ideal {
-            let pairs = inputs.faults.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
+            let pairs =
+                self.discrete.fault_memory.pairs_open(PairLevels { a: (-roll).max(0.0), b: roll.max(0.0) });
             self.state.rcs_level = Vec3::new(pairs.a, pairs.b, 0.0);
         } else {
             let modulator = &mut self.discrete.modulator;
             let opened = self.vehicle.reaction_control.modulate(modulator, roll, self.time, self.step);
-            inputs.rcs_duty = inputs.faults.pairs_open(opened);
+            inputs.rcs_duty = self.discrete.fault_memory.pairs_open(opened);
         }
     }
 
     fn command_gimbal(&mut self, gimbal_rad: [f64; 2]) {
         let inputs = &mut self.inputs;
         if self.options.ideal_gimbal {
-            let servo_target_rad = inputs.faults.gimbal_target_rad(gimbal_rad);
+            let servo_target_rad =
+                self.discrete.fault_memory.gimbal_target_rad(gimbal_rad, &inputs.faults.gimbal_servo);
             inputs.gimbal_command_rad = Vector2::from(servo_target_rad);
             for (axis, servo_target_rad) in servo_target_rad.into_iter().enumerate() {
                 let servo = &inputs.faults.gimbal_servo[axis];
@@ -96,7 +100,10 @@ impl Plant {
         } else {
             let delay = &mut self.discrete.gimbal_delay;
             delay.push(self.time, gimbal_rad);
-            inputs.gimbal_command_rad = Vector2::from(inputs.faults.gimbal_target_rad(delay.at(self.time)));
+            let delayed_rad = delay.at(self.time);
+            let servos = &inputs.faults.gimbal_servo;
+            inputs.gimbal_command_rad =
+                Vector2::from(self.discrete.fault_memory.gimbal_target_rad(delayed_rad, servos));
         }
     }
 

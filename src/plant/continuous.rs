@@ -67,7 +67,7 @@ impl Plant {
             valve_rad: actuators.valve.angle_rad,
             valve_area_m2: supply.valve_area_m2,
             gimbal_rad: actuators.gimbal.angle_rad,
-            pressurant: *supply.gas_supply.nitrogen(),
+            pressurant: supply.pressurant,
             mass: mass.properties.vehicle,
             acceleration,
             contact: loads.contact,
@@ -99,7 +99,7 @@ impl Plant {
             }
         };
         let (contents, run_tank_kg_s) =
-            self.contents(state, *nitrous_kg, supply.gas_supply.nitrogen(), stores_rate.run_tank_kg_s);
+            self.contents(state, *nitrous_kg, &supply.pressurant, stores_rate.run_tank_kg_s);
         let mut properties = self.vehicle.mass.evaluate(
             &contents,
             &ContentsRate {
@@ -249,7 +249,7 @@ impl Plant {
             expelled_nozzle_kg: engine.nozzle_kg_s,
             expelled_rcs_kg: supply.thrusters.nitrogen_kg_s,
             expelled_vent_kg: supply.vent_kg_s,
-            vented_vapor_kg: supply.gas_supply.vapor_share() * supply.vent_kg_s,
+            vented_vapor_kg: supply.vented_vapor_kg_s,
             burnt_kg: engine.fuel_kg_s,
             imu_velocity_body_m_s: acceleration.specific_force_at(imu_body_m, state.rate_body_rad_s),
             imu_angle_body_rad: state.rate_body_rad_s,
@@ -312,6 +312,7 @@ impl Plant {
     }
 
     /// Rate of the thruster pairs' levels.
+    #[inline(always)]
     pub(super) fn rcs_level_rate(&self, state: &State) -> Vec3 {
         if self.options.ideal {
             return Vec3::zeros();
@@ -321,6 +322,7 @@ impl Plant {
     }
 
     /// The oxidiser valve behind its play, and the rate of its servo.
+    #[inline(always)]
     pub(super) fn valve(&self, state: &State) -> (ServoOutput, ServoRate) {
         if self.options.ideal {
             let output = ServoOutput { angle_rad: state.valve_rad, ..ServoOutput::default() };
@@ -335,6 +337,7 @@ impl Plant {
     }
 
     /// Gimbal behind its play, and the rates of angles and rates of its servos.
+    #[inline(always)]
     pub(super) fn gimbal(&self, state: &State) -> (GimbalMotion, GimbalRate) {
         if self.options.ideal_gimbal {
             let motion = GimbalMotion { angle_rad: state.gimbal_rad.xy(), ..GimbalMotion::default() };

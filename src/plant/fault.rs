@@ -21,7 +21,9 @@ use crate::vehicle::GasModel;
 /// Faults that act, as the rate of the state feels them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FaultState {
-    pub(super) effect: PlantEffect,
+    pub(super) damage: Damage,
+    /// Share of the full-open area that passes the shut oxidiser valve.
+    valve_leak_share: f64,
     /// The servos as they are now.
     pub(super) valve_servo: Servo,
     pub(super) gimbal_servo: [Servo; 2],
@@ -30,9 +32,10 @@ pub(super) struct FaultState {
     pub(super) pressure_spike: PressureSpike,
 }
 
-/// What faults leave behind from step to step.
+/// Faults that act, as everything else feels them, and what they leave behind from step to step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FaultMemory {
+    pub(super) effect: PlantEffect,
     /// Gas above the liquid that a regulator has let in (kg).
     trapped_nitrogen_kg: f64,
     /// Oxidiser that waits in the cold chamber for a flame (kg).
@@ -40,43 +43,39 @@ pub(super) struct FaultMemory {
 }
 
 impl FaultState {
-    /// A sound vehicle.
+    /// A vehicle without faults.
     pub(super) fn none(valve_servo: Servo, gimbal_servo: Servo) -> Self {
         Self {
-            effect: PlantEffect::default(),
+            damage: Damage::NONE,
+            valve_leak_share: 0.0,
             valve_servo,
             gimbal_servo: [gimbal_servo; 2],
             sag_pa: 0.0,
             pressure_spike: PressureSpike::NONE,
         }
     }
+}
 
-    pub(super) fn damage(&self) -> Damage {
-        Damage {
-            injector_blocked_share: self.effect.injector_blocked_share,
-            efficiency_drop_share: self.effect.efficiency_drop_share,
-        }
-    }
-
+impl FaultMemory {
     /// Valve angle that its servo is told (rad).
-    pub(super) fn valve_target_rad(&self, command_rad: f64) -> f64 {
-        servo_target_rad(&self.effect.valve, command_rad, self.valve_servo.upper_rad)
+    pub(super) fn valve_target_rad(&self, command_rad: f64, servo: &Servo) -> f64 {
+        servo_target_rad(&self.effect.valve, command_rad, servo.upper_rad)
     }
 
     /// Gimbal angles that their servos are told (rad).
-    pub(super) fn gimbal_target_rad(&self, command_rad: [f64; 2]) -> [f64; 2] {
+    pub(super) fn gimbal_target_rad(&self, command_rad: [f64; 2], servos: &[Servo; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| {
-            servo_target_rad(&self.effect.gimbal[axis], command_rad[axis], self.gimbal_servo[axis].upper_rad)
+            servo_target_rad(&self.effect.gimbal[axis], command_rad[axis], servos[axis].upper_rad)
         })
     }
 
     /// Opening of the isolation valve a step (s) later.
-    pub(super) fn isolation_after(&self, sound: StrokeValve, opening: f64, open: bool, step_s: f64) -> f64 {
+    pub(super) fn isolation_after(&self, nominal: StrokeValve, opening: f64, open: bool, step_s: f64) -> f64 {
         let isolation = &self.effect.isolation;
         if isolation.stuck {
             return opening;
         }
-        let stroke = StrokeValve { stroke_time_s: sound.stroke_time_s * isolation.slowness };
+        let stroke = StrokeValve { stroke_time_s: nominal.stroke_time_s * isolation.slowness };
         stroke.opening_after(opening, if open { 1.0 } else { 0.0 }, step_s)
     }
 
@@ -113,12 +112,17 @@ fn with_fault(sound: &Servo, effect: &ServoEffect) -> Servo {
 impl Plant {
     /// Sets the faults in force.
     pub fn set_faults(&mut self, effect: &PlantEffect) {
-        if self.inputs.faults.effect == *effect {
+        if self.discrete.fault_memory.effect == *effect {
             return;
         }
         let before = self.gimbal(&self.state).0;
+        self.discrete.fault_memory.effect = *effect;
         let faults = &mut self.inputs.faults;
-        faults.effect = *effect;
+        faults.damage = Damage {
+            injector_blocked_share: effect.injector_blocked_share,
+            efficiency_drop_share: effect.efficiency_drop_share,
+        };
+        faults.valve_leak_share = effect.valve_leak_share;
         faults.valve_servo = with_fault(&self.vehicle.valve_servo, &effect.valve);
         for (servo, effect) in faults.gimbal_servo.iter_mut().zip(&effect.gimbal) {
             *servo = with_fault(&self.vehicle.gimbal_servo, effect);
@@ -132,7 +136,7 @@ impl Plant {
     pub(super) fn valve_area_m2(&self, valve_rad: f64) -> f64 {
         let valve = self.vehicle.engine.valve_area();
         let area_m2 = valve.area_m2(valve_rad);
-        let leak_share = self.inputs.faults.effect.valve_leak_share;
+        let leak_share = self.inputs.faults.valve_leak_share;
         if leak_share <= 0.0 {
             return area_m2;
         }
@@ -154,7 +158,7 @@ impl Plant {
 
     /// Whether oxidiser flows through a valve that should be shut.
     pub(super) fn leaks(&self, now: &Evaluation) -> bool {
-        self.inputs.faults.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
+        self.discrete.fault_memory.effect != PlantEffect::default() && now.engine.tank_kg_s > 0.0
     }
 
     /// Regulator, pool and surge a step later.
@@ -163,7 +167,7 @@ impl Plant {
         let step_s = self.step.s();
         let faults = &mut self.inputs.faults;
         faults.pressure_spike = faults.pressure_spike.after(step_s);
-        let pooling_kg_s = faults.effect.hard_start * now.engine.oxidizer_kg_s;
+        let pooling_kg_s = self.discrete.fault_memory.effect.hard_start * now.engine.oxidizer_kg_s;
         // Without flow the pool boils off, beside a flame there is none.
         let pools = pooling_kg_s > 0.0 && !self.inputs.lit;
         let pool_kg = &mut self.discrete.fault_memory.pool_kg;
@@ -171,8 +175,8 @@ impl Plant {
     }
 
     fn advance_regulator(&mut self, now: &Evaluation) {
-        let FaultState { effect, sag_pa, .. } = self.inputs.faults;
-        let droop_pa = effect.regulator_droop_pa;
+        let sag_pa = self.inputs.faults.sag_pa;
+        let droop_pa = self.discrete.fault_memory.effect.regulator_droop_pa;
         // What a regulator that works has let in; one above its outlet lets nothing in, and the vent goes on
         // letting out.
         let trapped_nitrogen_kg = &mut self.discrete.fault_memory.trapped_nitrogen_kg;

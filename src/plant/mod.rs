@@ -186,7 +186,7 @@ impl Plant {
     }
 
     /// The continuous state over one step.
-    #[inline]
+    #[inline(always)]
     fn integrate(&mut self) {
         let dt_s = self.step.s();
         let first = self.first_rate();

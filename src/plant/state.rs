@@ -6,12 +6,45 @@ use crate::frame::Vec3;
 use crate::integrator::Integrable;
 use crate::propulsion::GasState;
 
+/// Comparison of a field of the state; what is not a number differs from itself.
+trait Differs {
+    fn differs(&self, other: &Self) -> bool;
+}
+
+impl Differs for f64 {
+    #[inline(always)]
+    fn differs(&self, other: &Self) -> bool {
+        self != other
+    }
+}
+
+impl Differs for Vec3 {
+    #[inline(always)]
+    fn differs(&self, other: &Self) -> bool {
+        (self.x != other.x) | (self.y != other.y) | (self.z != other.z)
+    }
+}
+
+impl Differs for Quaternion<f64> {
+    #[inline(always)]
+    fn differs(&self, other: &Self) -> bool {
+        (self.w != other.w) | (self.i != other.i) | (self.j != other.j) | (self.k != other.k)
+    }
+}
+
+impl Differs for GasState {
+    #[inline(always)]
+    fn differs(&self, other: &Self) -> bool {
+        self != other
+    }
+}
+
 /// Defines `State` and `Rate` with the same fields, and how a state moves along a rate.
 macro_rules! state {
     ($($(#[doc = $doc:literal])* $field:ident: $kind:ty,)*) => {
         /// Everything that is integrated. Discrete things (commands in flight, contact anchors, the
         /// ignition sequence) stand beside it in [`super::Plant`] and change between steps only.
-        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[derive(Clone, Copy, Debug)]
         pub struct State {
             $($(#[doc = $doc])* pub $field: $kind,)*
         }
@@ -22,10 +55,18 @@ macro_rules! state {
             $($(#[doc = $doc])* pub $field: $kind,)*
         }
 
+        impl PartialEq for State {
+            /// Without a branch: it is asked at every step, and mostly the answer is yes.
+            #[inline]
+            fn eq(&self, other: &Self) -> bool {
+                !(false $(| self.$field.differs(&other.$field))*)
+            }
+        }
+
         impl Integrable for State {
             type Rate = Rate;
 
-            #[inline]
+            #[inline(always)]
             fn advanced(&self, rate: &Rate, dt_s: f64) -> Self {
                 Self { $($field: self.$field + rate.$field * dt_s,)* }
             }

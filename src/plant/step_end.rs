@@ -166,12 +166,12 @@ impl Plant {
             &self.discrete.flame,
             &FlameConditions {
                 time: self.time,
-                igniter: self.discrete.igniter_on && !self.inputs.faults.effect.igniter_dead,
+                igniter: self.discrete.igniter_on && !self.discrete.fault_memory.effect.igniter_dead,
                 oxidizer_kg_s: now.engine.oxidizer_kg_s,
                 chamber_pa: now.engine.chamber_pa,
                 // What burns goes on into its tail until it is a flicker; what is out stays out.
                 fuel_left: !self.discrete.burnt_through || (self.inputs.lit && burning > EXTINCT_SHARE),
-                late_s: self.inputs.faults.effect.light_delay_s,
+                late_s: self.discrete.fault_memory.effect.light_delay_s,
             },
         );
         match (self.inputs.lit, flame.lit) {

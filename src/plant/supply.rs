@@ -3,8 +3,8 @@
 
 use super::{Plant, State};
 use crate::propulsion::{
-    ChamberGas, ChamberModel, EngineCondition, Feed, GasIngestion, OperatingPoint, Outlet, PairLevels,
-    Stores, StoresRate, ThrusterLoads, Withdrawal,
+    ChamberGas, ChamberModel, EngineCondition, Feed, GasIngestion, NitrogenState, OperatingPoint, Outlet,
+    PairLevels, Stores, StoresRate, ThrusterLoads, Withdrawal,
 };
 use crate::vehicle::GasSupply;
 
@@ -17,9 +17,11 @@ pub(super) struct Supply {
     pub(super) engine: OperatingPoint,
     /// Open area of the oxidiser valve (m²).
     pub(super) valve_area_m2: f64,
-    pub(super) gas_supply: GasSupply,
+    pub(super) pressurant: NitrogenState,
     pub(super) thrusters: ThrusterLoads,
     pub(super) vent_kg_s: f64,
+    /// Of that, nitrous oxide.
+    pub(super) vented_vapor_kg_s: f64,
     /// Liquid in the tank, and how fast it changes.
     pub(super) nitrous_kg: f64,
     pub(super) nitrous_kg_s: f64,
@@ -67,9 +69,10 @@ impl Plant {
         Supply {
             engine,
             valve_area_m2,
-            gas_supply,
+            pressurant: *gas_supply.nitrogen(),
             thrusters,
             vent_kg_s,
+            vented_vapor_kg_s: gas_supply.vapor_share() * vent_kg_s,
             nitrous_kg,
             nitrous_kg_s: -(liquid_kg_s + stores_rate.evaporation_kg_s),
             stores_rate,
@@ -105,7 +108,7 @@ impl Plant {
                 state.nitrous_kg.max(0.0) / drain_s
             },
             outlet,
-            damage: self.inputs.faults.damage(),
+            damage: self.inputs.faults.damage,
         }
     }
 
